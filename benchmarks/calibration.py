@@ -3,32 +3,43 @@
 Each robot differs from the nominal one in links, platform, base and zero angles, by normal
 numbers of that rms. It stands in the poses that `calibrate --design` chooses, as the nominal robot
 would; a tracker measures them with 10 um of noise, and 50 urad, which is as much at the joints of
-the platform, encoders the joints with 5 urad. The true error is that of the calibrated robot over
+the platform, encoders the joints with 5 urad, or 5 um where they slide. Of described machines all
+joints lie elsewhere, also where poses cannot tell it: the truth in an interval is what poses
+without noise tell beside the same kept values. The true error is that of the calibrated robot over
 all that it reaches, beside the true one.
 
-Usage: python benchmarks/calibration.py [robots [poses]]
+Usage: python benchmarks/calibration.py [robots [poses [name ...]]]
 """
 
 from __future__ import annotations
 
 import sys
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import checkout  # noqa: F401 finds the suite
 import numpy as np
 from rows import row, show
 
 from parallel_robot.studies.calibration import geometry, least_squares, reach
-from parallel_robot.studies.calibration.design import design
+from parallel_robot.studies.calibration.design import Designed, design
 from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot_control.configuration import nominal_of, resolve
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.configuration import trajectory_of
 
 OFF, TURNED = 1e-3, 2e-3  # m and rad, rms
 ENCODER = 5e-6  # rad, rms
 TRACKER = {'m': 1e-5, 'rad': 5e-5}  # rms
-ROBOTS = {'planar_3rrr': 'paper_circle', 'serial_2r': 'serial_2r_circle'}
+ROBOTS = {
+    'planar_3rrr': 'paper_circle',
+    'serial_2r': 'serial_2r_circle',
+    'five_bar': 'five_bar_circle',
+    'arm6': 'arm6_circle',
+    'hexapod': 'hexapod_circle',
+    'delta': 'delta_circle',
+}
 PLACES = 200  # at which the true error is looked at
 
 
@@ -45,7 +56,8 @@ def main() -> None:
     robots = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     poses = int(sys.argv[2]) if len(sys.argv) > 2 else 30
     rows = []
-    for name, scenario in ROBOTS.items():
+    for name in sys.argv[3:] or ROBOTS:
+        scenario = ROBOTS[name]
         found = campaign(scenario, robots, poses)
         covered = [100.0 * float(np.mean([truth for each in found for truth in each.inside]))]
         after = [each.after for each in found]
@@ -66,41 +78,71 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     trajectory = trajectory_of(values)
     places = reach.candidates(trajectory, centre, PLACES, seed=1)
     everywhere = np.array([reach.joints(trajectory, each) for each in places])
-    locate, numbers = Locator(robot), geometry.find(robot, chosen.position, chosen.poses)
+    locate, numbers = Locator(robot), movable(robot, chosen)
     size = np.array([OFF if each.unit == 'm' else TURNED for each in numbers])
+    joints = len(values['joints'])
+    slides = np.array([robot.joint_units.one(k).of('rad') == 'm' for k in range(joints)])
     noise = [TRACKER[axis.unit] for axis in robot.module.coordinates(robot.parameters)]
-    columns = tuple(range(len(noise)))
+    columns, names = tuple(range(len(noise))), tuple(values['joints'])
     found = []
     for seed in range(robots):
         rng = np.random.default_rng(seed)
         nominal = geometry.values(robot, numbers)
         true = nominal + size * rng.normal(size=len(size))
-        zero = TURNED * rng.normal(size=everywhere.shape[1])
+        zero = np.where(slides, OFF, TURNED) * rng.normal(size=joints)
         body = geometry.with_values(robot, numbers, true)
-        pose = locate(body, chosen.position - zero, chosen.poses)
-        assert pose is not None
-        pose = pose + noise * rng.normal(size=pose.shape)
-        shown = chosen.position + ENCODER * rng.normal(size=chosen.position.shape)
-        rest = np.repeat(shown, 2, axis=0)
-        track = JointTrack(np.add.outer(10.0 * np.arange(poses), [0.0, 1.0]).ravel(), rest)
-        measured = MeasuredPoses(10.0 * np.arange(poses) + 0.5, columns, pose)
-        names = tuple(values['joints'])
-        model = PoseModel(robot, names, track, measured, chosen.poses, np.zeros_like(zero))
+        rows = reached(locate, body, chosen.position - zero, chosen.poses)
+        exact = locate(body, chosen.position[rows] - zero, chosen.poses[rows])
+        assert exact is not None
+        pose = exact + noise * rng.normal(size=exact.shape)
+        shown = chosen.position[rows] + ENCODER * rng.normal(size=(len(rows), joints))
+
+        def seen(pose: Array, joints: Array, rows: Array = rows) -> PoseModel:
+            time = np.add.outer(10.0 * np.arange(len(rows)), [0.0, 1.0])
+            track = JointTrack(time.ravel(), np.repeat(joints, 2, axis=0))
+            measured = MeasuredPoses(time[:, 0] + 0.5, columns, pose)
+            guesses = chosen.poses[rows]
+            return PoseModel(robot, names, track, measured, guesses, np.zeros(joints.shape[1]))
+
+        model = seen(pose, shown)
         fit = least_squares.fit(model)
-        truth = np.concatenate([true, zero])
-        inside = np.abs(fit.values - np.append(truth, 0.0)) <= fit.half_widths
-        told = [k for k in range(len(truth)) if k not in fit.kept]
-        actual = locate(body, everywhere - zero, places)
-        believed = locate(robot, everywhere, places)
-        turned = everywhere - fit.values[model.zeros]
-        calibrated = locate(model.robot_with(fit.values), turned, places)
+        told = [k for k in range(len(model.start)) if k not in fit.kept]
+        truth = fit.values.copy()  # where those that are kept have these values
+        clear = seen(exact, chosen.position[rows])
+        truth[told] = least_squares.solved(clear, truth.copy(), told, fit.noise)
+        inside = np.abs(fit.values - truth) <= fit.half_widths
+        there = reached(locate, body, everywhere - zero, places)
+        joints_there, guesses = everywhere[there], places[there]
+        actual = locate(body, joints_there - zero, guesses)
+        believed = locate(robot, joints_there, guesses)
+        turned = joints_there - fit.values[model.zeros]
+        calibrated = locate(model.robot_with(fit.values), turned, guesses)
         assert actual is not None and believed is not None and calibrated is not None
         before, after = (
-            1e6 * float(np.sqrt(((pose - actual)[:, :2] ** 2).sum(axis=1).mean()))
+            1e6 * float(np.sqrt(((pose - actual)[:, : robot.place] ** 2).sum(axis=1).mean()))
             for pose in (believed, calibrated)
         )
         found.append(Found(inside[told].tolist(), before, after))
     return found
+
+
+def movable(robot: RobotModel, chosen: Designed) -> tuple[geometry.Number, ...]:
+    """What of a robot is off: of a machine all, also what poses do not show."""
+    module: Any = robot.module
+    if not hasattr(module, 'geometry'):
+        return geometry.find(robot, chosen.position, chosen.poses)
+    key, names, unit = module.geometry(robot.parameters)
+    return tuple(geometry.Number(key, k, unit) for k in range(len(names)))
+
+
+def reached(locate: Locator, body: RobotModel, position: Array, poses: Array) -> Array:
+    """Poses which the true robot can reach at these joints, one after another."""
+    rows: list[int] = []
+    for k in range(len(poses)):
+        tried = [*rows, k]
+        if locate(body, position[tried], poses[tried]) is not None:
+            rows = tried
+    return np.array(rows)
 
 
 if __name__ == '__main__':

@@ -92,7 +92,12 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
 
 @pytest.mark.parametrize(
     'words',
-    [('calibration', '2', '8'), ('delays', '1'), ('estimators', '1'), ('kernels', '1', '1')],
+    [
+        ('calibration', '2', '8', 'planar_3rrr', 'five_bar'),
+        ('delays', '1'),
+        ('estimators', '1'),
+        ('kernels', '1', '1'),
+    ],
 )
 def test_a_program_that_a_page_cites_ends_with_figures(words, monkeypatch, capsys):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks')

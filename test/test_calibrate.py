@@ -198,7 +198,8 @@ def recorded(case, folder, kind, topic, frame='world', lost=()):
 def test_poses_in_the_bag_are_those_of_the_file(case, whole, tmp_path, kind):
     bag = recorded(case, tmp_path / 'bag', kind, 'tracker/pose_of_target')
     found = pose_topics.read(bag)
-    np.testing.assert_allclose(found.pose, case.table[:, 1:], atol=1e-9)
+    np.testing.assert_allclose(found.place[:, :2], case.table[:, 1:3], atol=1e-9)
+    np.testing.assert_allclose(found.phi, case.table[:, 3], atol=1e-9)
     calibrated = pr.calibrate(bag)
     for key, value in whole.values.items():
         np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)

@@ -30,17 +30,25 @@ SHOWN = 60  # characters of a name
 
 
 class StampedPoses(NamedTuple):
-    """Poses in the plane.
+    """Poses in space.
 
     Attributes:
         stamps: Of their headers [ns], shape (N,).
-        pose: x, y [m] and phi [rad], shape (N, 3).
+        place: x, y, z [m], shape (N, 3).
+        turned: Quaternions x, y, z, w of any length but zero, shape (N, 4).
         missing: Number of messages whose numbers are none, as where a tracker saw nothing.
     """
 
     stamps: np.ndarray
-    pose: Array
+    place: Array
+    turned: Array
     missing: int
+
+    @property
+    def phi(self) -> Array:
+        """Angles about z [rad], shape (N,)."""
+        x, y, z, w = self.turned.T
+        return np.asarray(np.arctan2(2.0 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
 def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPoses:
@@ -88,11 +96,11 @@ def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPos
     if not parts:
         raise BagError(f'{bag} has no messages on {printable(wanted, SHOWN)}')
     stamps, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    seen = (np.abs(pose) <= FARTHEST).all(axis=1)  # nor NaN
+    seen = (np.abs(pose) <= FARTHEST).all(axis=1) & (pose[:, 3:] != 0.0).any(axis=1)  # nor NaN
     if not seen.any():
         raise BagError(f'{bag}: no message on {printable(wanted, SHOWN)} holds a pose')
     rows = np.flatnonzero(seen)[np.argsort(stamps[seen], kind='stable')]
-    return StampedPoses(stamps[rows], pose[rows], int((~seen).sum()))
+    return StampedPoses(stamps[rows], pose[rows, :3], pose[rows, 3:], int((~seen).sum()))
 
 
 def _nothing(_: Topic, messages: Messages) -> None:
@@ -115,8 +123,6 @@ def _decoded(bag: Path, topic: Topic, messages: Messages) -> tuple[np.ndarray, A
             seconds, rest = np.frombuffer(body, f'{order}u4', 2).tolist()
         except (ValueError, IndexError):
             raise BagError(f'{bag}: {topic.name} is not understood: a message is broken') from None
-        x, y, _, qx, qy, qz, qw = numbers.tolist()
-        phi = np.arctan2(2.0 * (qw * qz + qx * qy), 1.0 - 2.0 * (qy * qy + qz * qz))
         stamps.append(seconds * NANOSECONDS + rest)
-        poses.append((x, y, float(phi)))
+        poses.append(numbers)
     return np.array(stamps, np.int64), np.array(poses)

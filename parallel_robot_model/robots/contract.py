@@ -157,6 +157,20 @@ class Coordinate(NamedTuple):
     unit: str
 
 
+class Geometry(NamedTuple):
+    """Numbers of a robot's parameters by which its pose can be differentiated.
+
+    Attributes:
+        key: The parameter that holds them.
+        names: What each of them is of.
+        unit: Their unit.
+    """
+
+    key: str
+    names: tuple[str, ...]
+    unit: str
+
+
 def place_of(axes: Sequence[Coordinate], planar: bool) -> int:
     """Number of the first coordinates of a pose that are the place of the end effector.
 
@@ -183,6 +197,8 @@ class Robot(Protocol):
     :class:`Margin`; ``trace(parameters, poses, first)``: what of a grid of poses, shape
     (rows, columns, m), it reaches from one of them, see :class:`Reach`, where joints of a pose
     depend on the way; ``home(parameters)``: the pose from which motions are traced then;
+    ``geometry(parameters)``, a Geometry, and ``pose_slopes(parameters, position, poses)``: the
+    derivatives of poses by the actuated joints, then by its numbers, shape (N, m, ...);
     ``OWN_MEMORY``: whether its kernels keep something in the constants, which everybody then has
     for himself.
 

@@ -14,7 +14,7 @@ from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.studies.calibration import bag_calibration, design, modes
-from parallel_robot.studies.calibration.pose_model import FREE
+from parallel_robot.studies.calibration.tracker import FREE
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,7 +24,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--poses',
         type=Path,
         metavar='FILE',
-        help='CSV of measured poses: t [s] or stamp [ns], x, y, phi; default: a topic of the bag',
+        help='CSV of measured poses: t [s] or stamp [ns], coordinates of the pose; default: a '
+        'topic of the bag',
     )
     parser.add_argument(
         '--pose-topic', metavar='TOPIC', help='topic of the bag with measured poses'

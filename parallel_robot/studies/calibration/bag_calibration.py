@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags import gathered_run, new_files, pose_topics, recorded_robot
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.pose_topics import StampedPoses
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.studies.calibration import (
@@ -23,6 +25,7 @@ from parallel_robot.studies.calibration import (
 )
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RobotError
@@ -122,8 +125,9 @@ def calibrate(
     robot, guess = nominal_of(log.config)
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
     warnings = [*log.warnings]
+    home = _home(robot)
     if poses is not None:
-        file = tracker_file.read(poses, names, log.start_stamp)
+        file = tracker_file.read(poses, names, log.start_stamp, home)
         measured = MeasuredPoses(file.time, file.columns, file.pose)
         if file.unused:
             listed = printable(', '.join(file.unused), 80)
@@ -132,13 +136,10 @@ def calibrate(
             warnings.append(f'{poses}: not used: {file.missing} lines without a pose')
     else:
         found = pose_topics.read(bag, topic, memory)
-        columns = tuple(k for k, name in enumerate(names) if name in ('x', 'y', 'phi'))
-        if not robot.planar:
-            raise InputError(f'{robot.name} moves in no plane: --poses FILE.csv has its poses')
         if found.missing:
             warnings.append(f'{bag}: not used: {found.missing} messages without a pose')
         time = (found.stamps - log.start_stamp) / NANOSECONDS
-        measured = MeasuredPoses(time, columns, found.pose[:, : len(columns)])
+        measured = MeasuredPoses(time, *_coordinates(robot, names, found, home))
     track = _track(log)
     measured, remarks = _joined(track, measured, poses or bag)
     warnings += remarks
@@ -149,6 +150,37 @@ def calibrate(
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
         fit = least_squares.fit(model)
     return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit)))
+
+
+def _home(robot: RobotModel) -> Rotation | None:
+    """Attitude from which the rotation vector of a robot in space counts; None: it has none."""
+    if robot.turns != (0, 1, 2):
+        return None
+    module: Any = robot.module
+    [turned] = module.orientations(robot.parameters, np.zeros((1, robot.pose_size)))
+    return Rotation.from_quat(turned)
+
+
+def _coordinates(
+    robot: RobotModel, names: list[str], found: StampedPoses, home: Rotation | None
+) -> tuple[tuple[int, ...], Array]:
+    """Numbers of the coordinates that poses of a bag tell of a robot, and these, shape (N, k).
+
+    Raises:
+        InputError: they tell none.
+    """
+    told = dict(zip('xyz', found.place.T, strict=True))
+    if robot.planar:
+        told['phi'] = found.phi
+    elif robot.place == 0:
+        raise InputError(
+            f'{robot.name} moves neither in a plane nor in space: --poses FILE.csv has its poses'
+        )
+    if home is not None:
+        turned = (Rotation.from_quat(found.turned) * home.inv()).as_rotvec()
+        told |= dict(zip(TURNS, turned.T, strict=True))
+    columns = tuple(k for k, name in enumerate(names) if name in told)
+    return columns, np.column_stack([told[names[k]] for k in columns])
 
 
 def _track(log: RunLog) -> JointTrack:

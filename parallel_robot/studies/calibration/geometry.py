@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,16 +25,19 @@ class Number(NamedTuple):
         key: Key of the parameter.
         place: Its place in a list; None for a parameter that is a number.
         unit: Its unit.
+        what: What it is of, if its place does not say that.
     """
 
     key: str
     place: int | None
     unit: str
+    what: str = ''
 
     @property
     def name(self) -> str:
         """How tables call it, e.g. ``robot.base_x[0]``."""
-        return f'robot.{self.key}' + ('' if self.place is None else f'[{self.place}]')
+        place = '' if self.place is None else f'[{self.place}]'
+        return f'robot.{self.key}{place} {self.what}'.rstrip()
 
 
 def find(robot: RobotModel, position: Array, poses: Array) -> tuple[Number, ...]:
@@ -46,6 +49,13 @@ def find(robot: RobotModel, position: Array, poses: Array) -> tuple[Number, ...]
         poses: Their poses, shape (N, m).
     """
     rows = np.unique(np.linspace(0, len(position) - 1, LOOKED_AT).astype(int))
+    module: Any = robot.module
+    exact = getattr(module, 'pose_slopes', None)  # optional in the contract
+    if exact is not None:
+        slopes = exact(robot.parameters, position[rows], poses[rows])[:, :, position.shape[1] :]
+        moved = CHANGE * np.abs(slopes).max(axis=(0, 1)) > COUNTS
+        key, names, unit = module.geometry(robot.parameters)
+        return tuple(Number(key, int(k), unit, names[k]) for k in np.flatnonzero(moved))
     locate, found = Locator(robot), []
     for number in _numbers(robot):
         value = values(robot, [number])

@@ -133,7 +133,7 @@ def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, A
     told = [k for k in range(len(model.start)) if k not in kept]
     values = model.start.copy()
     for _ in range(ITERATIONS):
-        values[told] = _solved(model, values, told, noise)
+        values[told] = solved(model, values, told, noise)
         left = model.left(values)
         assert left is not None
         orthogonal, _ = np.linalg.qr(_flat(model.slopes(values, kept), noise)[:, told])
@@ -151,7 +151,7 @@ def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, A
     return values, noise, least
 
 
-def _solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Array:
+def solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Array:
     """Weighted least squares for those of the unknown that are told."""
     kept = set(range(len(start))) - set(told)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from parallel_robot.studies.calibration.pose_model import FREE
+from parallel_robot.studies.calibration.tracker import FREE
 from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -11,12 +10,11 @@ import numpy as np
 from parallel_robot.studies.calibration import geometry
 from parallel_robot.studies.calibration.geometry import Number
 from parallel_robot.studies.calibration.locating import Locator
+from parallel_robot.studies.calibration.tracker import Tracker, Unknown
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, RobotError
 from parallel_robot_model.robots.registry import RobotModel
 
-FRAME, TARGET = 'frame', 'target'
-FREE = (FRAME, TARGET)  # what may be unknown of a tracker
 TOLD = {'m': 0.01, 'rad': 0.01, 's': 0.001}  # a combination that is known worse is not told
 OF_TRACKER = 0.1  # how much what belongs to the tracker is to keep its value, beside the robot
 STEP = 1e-6  # m or rad, half the width of a difference
@@ -51,13 +49,6 @@ class MeasuredPoses(NamedTuple):
     time: Array
     columns: tuple[int, ...]
     pose: Array
-
-
-class Unknown(NamedTuple):
-    """Something that a calibration looks for: its name and its unit."""
-
-    name: str
-    unit: str
 
 
 class PoseModel:
@@ -98,15 +89,8 @@ class PoseModel:
             InputError: the robot has nothing that is free, or its geometry does not fit.
         """
         self.robot, self.track, self.measured = robot, track, measured
-        axes = robot.module.coordinates(robot.parameters)
-        self.units = tuple(axes[k].unit for k in measured.columns)
-        self._free = [each for each in FREE if each in free]
-        if self._free and not robot.planar:
-            raise InputError(f'--free {self._free[0]} is for robots that move in a plane')
-        self._turns = robot.planar and len(axes) > 2 and axes[2].name == 'phi'
-        if TARGET in self._free and not self._turns:
-            what = 'a target cannot be told from the last link'
-            raise InputError(f'--free target needs an angle phi: without it, {what}')
+        self._tracker = Tracker(robot, measured.columns, free)
+        self.units = self._tracker.units
         self._locate = Locator(robot)
         position = track.at(measured.time) - zero
         found = self._locate(robot, position, guesses)
@@ -120,39 +104,18 @@ class PoseModel:
                 Unknown(f'zero angle of {joint}', robot.joint_units.one(k).of('rad'))
                 for k, joint in enumerate(joints)
             ),
-            *self._of_tracker(),
+            *self._tracker.unknown,
             Unknown('clock', 's'),
         )
         self.start = np.zeros(len(self.unknown))
         self.start[: len(self.numbers)] = geometry.values(robot, self.numbers)
         self.start[self.zeros] = zero
-        self._place_tracker()
+        self.start[self._of_tracker] = self._tracker.start(found, measured.pose)
 
-    def _of_tracker(self) -> list[Unknown]:
-        """What is free of the tracker."""
-        found = []
-        for each in self._free:
-            found += [Unknown(f'{each}.x', 'm'), Unknown(f'{each}.y', 'm')]
-            if each == FRAME or 2 in self.measured.columns:
-                found.append(Unknown(f'{each}.angle', 'rad'))
-        return found
-
-    def _place_tracker(self) -> None:
-        """Begin with the tracker that fits the nominal robot best, where it is free."""
-        names, columns = [each.name for each in self.unknown], self.measured.columns
-        if FRAME in self._free and columns[:2] == (0, 1):
-            own, seen = (
-                poses[:, 0] + 1j * poses[:, 1] for poses in (self._guesses, self.measured.pose)
-            )
-            angle = float(np.angle(np.vdot(own - own.mean(), seen - seen.mean())))
-            offset = seen.mean() - np.exp(1j * angle) * own.mean()
-            first = names.index('frame.x')
-            self.start[first : first + 3] = offset.real, offset.imag, angle
-        if 'target.angle' in names:
-            left = self.left(self.start)
-            assert left is not None  # there are poses of the nominal robot
-            turned = np.exp(1j * left[:, columns.index(2)]).mean()
-            self.start[names.index('target.angle')] = float(np.angle(turned))
+    @property
+    def _of_tracker(self) -> slice:
+        """Where what is free of the tracker stands among the unknown."""
+        return slice(self.zeros.stop, self.zeros.stop + len(self._tracker.unknown))
 
     @property
     def zeros(self) -> slice:
@@ -187,20 +150,7 @@ class PoseModel:
             values: Of the unknown, shape (P,).
         """
         poses = self.poses(values)
-        if poses is None:
-            return None
-        tracker = dict(zip((each.name for each in self.unknown), values.tolist(), strict=True))
-        if TARGET in self._free:
-            arm = _turned(tracker['target.x'], tracker['target.y'], poses[:, 2])
-            poses[:, :2] += arm
-            poses[:, 2] += tracker.get('target.angle', 0.0)
-        if FRAME in self._free:
-            angle = tracker['frame.angle']
-            poses[:, :2] = _turned(poses[:, 0], poses[:, 1], angle)
-            poses[:, :2] += tracker['frame.x'], tracker['frame.y']
-            if self._turns:
-                poses[:, 2] += angle
-        return poses[:, list(self.measured.columns)]
+        return None if poses is None else self._tracker.seen(poses, values[self._of_tracker])
 
     def poses(self, values: Array) -> Array | None:
         """Poses of the robot in its own frame, shape (N, m); None where it has none."""
@@ -208,38 +158,71 @@ class PoseModel:
             robot = self.robot_with(values)
         except RobotError:
             return None
-        position = self.track.at(self.measured.time - values[-1]) - values[self.zeros]
-        return self._locate(robot, position, self._guesses)
+        return self._locate(robot, self._position(values), self._guesses)
+
+    def _position(self, values: Array) -> Array:
+        """Joints at the poses [rad], shape (N, n)."""
+        return self.track.at(self.measured.time - values[-1]) - values[self.zeros]
 
     def left(self, values: Array) -> Array | None:
-        """Measured less predicted, angles in (-pi, pi], shape (N, k)."""
+        """Measured less predicted, see :meth:`Tracker.apart`, shape (N, k)."""
         predicted = self.predicted(values)
-        if predicted is None:
-            return None
-        left = self.measured.pose - predicted
-        for k, unit in enumerate(self.units):
-            if unit == 'rad':
-                left[:, k] -= 2.0 * math.pi * np.round(left[:, k] / (2.0 * math.pi))
-        return left
+        return None if predicted is None else self._tracker.apart(self.measured.pose, predicted)
 
     def slopes(self, values: Array, known: Collection[int] = ()) -> Array:
-        """Derivatives of the predicted poses by central differences, shape (N, k, P).
+        """Derivatives of the predicted poses, shape (N, k, P); zero where the robot has none.
 
         Args:
             values: Of the unknown, shape (P,).
             known: Numbers of those by which it is not differentiated: zero.
         """
         found = np.zeros((*self.measured.pose.shape, len(values)))
-        for k in set(range(len(values))) - set(known):
-            step = CLOCK_STEP if k == len(values) - 1 else STEP
-            change = step * np.eye(1, len(values), k)[0]
-            ahead, back = self.predicted(values + change), self.predicted(values - change)
+        poses = self.poses(values)
+        if poses is None:
+            return found
+        tracker = values[self._of_tracker]
+        seen_by_pose = _slopes(
+            lambda x: self._tracker.seen(poses + x, tracker), poses.shape[1], self._tracker.apart
+        )
+        of_robot = self._pose_slopes(values, poses, known)
+        found[:, :, : self.zeros.stop] = seen_by_pose @ of_robot
+        found[:, :, self._of_tracker] = _slopes(
+            lambda x: self._tracker.seen(poses, tracker + x), len(tracker), self._tracker.apart
+        )
+        if len(values) - 1 not in known:
+            ahead, back = (
+                self.track.at(self.measured.time - values[-1] - step)
+                for step in (CLOCK_STEP, -CLOCK_STEP)
+            )
+            of_joints = -found[:, :, self.zeros]
+            rate = (ahead - back) / (2.0 * CLOCK_STEP)
+            found[:, :, -1] = (of_joints @ rate[:, :, np.newaxis])[:, :, 0]
+        found[:, :, list(known)] = 0.0
+        return found
+
+    def _pose_slopes(self, values: Array, poses: Array, known: Collection[int]) -> Array:
+        """Derivatives of the poses by geometry and zero angles, shape (N, m, P)."""
+        exact = getattr(self.robot.module, 'pose_slopes', None)  # optional in the contract
+        if exact is not None:
+            robot, n = self.robot_with(values), self.track.position.shape[1]
+            slopes = exact(robot.parameters, self._position(values), poses)
+            numbers = [n + (each.place or 0) for each in self.numbers]
+            return np.concatenate([slopes[:, :, numbers], -slopes[:, :, :n]], axis=2)
+        found = np.zeros((*poses.shape, self.zeros.stop))
+        for k in set(range(self.zeros.stop)) - set(known):
+            change = STEP * np.eye(1, len(values), k)[0]
+            ahead, back = self.poses(values + change), self.poses(values - change)
             if ahead is not None and back is not None:
-                found[:, :, k] = (ahead - back) / (2.0 * step)
+                found[:, :, k] = (ahead - back) / (2.0 * STEP)
         return found
 
 
-def _turned(x: Array | float, y: Array | float, angle: Array | float) -> Array:
-    """Points turned by an angle, shape (N, 2)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.column_stack([c * x - s * y, s * x + c * y])
+def _slopes(
+    function: Callable[[Array], Array], count: int, apart: Callable[[Array, Array], Array]
+) -> Array:
+    """Derivatives of a function of some numbers at zero, by central differences."""
+    steps = STEP * np.eye(count)
+    columns = [apart(function(x), function(-x)) / (2.0 * STEP) for x in steps]
+    return (
+        np.stack(columns, axis=-1) if columns else np.zeros((*function(steps[:0].sum(0)).shape, 0))
+    )

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
@@ -17,6 +19,8 @@ from parallel_robot_model.common.units import NANOSECONDS
 
 TIME, STAMP = 't', 'stamp'
 SHOWN = 200  # characters of a line that are shown
+QUATERNION = ('qx', 'qy', 'qz', 'qw')
+LENGTH = 0.01  # by which that of a quaternion may differ from 1
 MISSING = ('', 'nan')  # what stands where a tracker saw nothing
 
 
@@ -38,13 +42,17 @@ class TrackerFile(NamedTuple):
     missing: int
 
 
-def read(path: Path, coordinates: Sequence[str], start: int) -> TrackerFile:
+def read(
+    path: Path, coordinates: Sequence[str], start: int, home: Rotation | None = None
+) -> TrackerFile:
     """Read a file with a header: ``t`` [s] or ``stamp`` [ns], and coordinates of the pose.
 
     Args:
         path: The file.
         coordinates: Names of the coordinates of the robot.
         start: Stamp of t = 0 [ns].
+        home: Attitude from which its rotation vector counts, which the QUATERNION of the end
+            effector may tell in its place; None: it has none.
 
     Raises:
         InputError: it cannot be read, or a line is wrong.
@@ -53,7 +61,9 @@ def read(path: Path, coordinates: Sequence[str], start: int) -> TrackerFile:
         with path.open(encoding='utf-8-sig', newline='') as stream:
             lines = csv.reader(stream)
             header = [name.strip() for name in next(lines, [])]
-            time, columns = _columns(path, header, coordinates)
+            named = [*coordinates, *(QUATERNION if home else ())]
+            time, columns = _columns(path, header, named)
+            _check_rotation(path, columns)
             rows: list[list[float]] = []
             missing = 0
             for line in lines:
@@ -68,6 +78,7 @@ def read(path: Path, coordinates: Sequence[str], start: int) -> TrackerFile:
                     continue
                 rows.append([_time(where, time, line[header.index(time)].strip(), start)])
                 rows[-1] += [_number(where, cell) for cell in cells]
+                _check_length(where, columns, rows[-1][1:])
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from None
     except UnicodeDecodeError:
@@ -79,6 +90,11 @@ def read(path: Path, coordinates: Sequence[str], start: int) -> TrackerFile:
     table = np.array(rows)
     table = table[np.argsort(table[:, 0], kind='stable')]
     unused = tuple(name for name in header if name not in (time, *columns))
+    if home and QUATERNION[0] in columns:
+        at = columns.index(QUATERNION[0])
+        turned = Rotation.from_quat(table[:, 1 + at :]) * home.inv()
+        table = np.column_stack([table[:, : 1 + at], turned.as_rotvec()])
+        columns = [*columns[:at], *TURNS]
     numbers = tuple(coordinates.index(name) for name in columns)
     return TrackerFile(table[:, 0], numbers, table[:, 1:], unused, missing)
 
@@ -98,6 +114,32 @@ def _columns(
         what = f'{TIME} [s] or {STAMP} [ns], then some of {", ".join(coordinates)}'
         raise InputError(f'{path}, line 1: the header must name {what}, not {shown!r}')
     return times[0], known
+
+
+def _check_rotation(path: Path, columns: Sequence[str]) -> None:
+    """Refuse a part of a quaternion, and a quaternion beside a rotation vector.
+
+    Raises:
+        InputError: there is one.
+    """
+    parts = [name for name in columns if name in QUATERNION]
+    other = [name for name in columns if name in TURNS]
+    if parts and (len(parts) < len(QUATERNION) or other):
+        what = f'a rotation is all of {", ".join(QUATERNION)}, or some of {", ".join(TURNS)}'
+        raise InputError(f'{path}, line 1: {what}, not {", ".join([*parts, *other])}')
+
+
+def _check_length(where: str, columns: Sequence[str], cells: Sequence[float]) -> None:
+    """Refuse a quaternion that is no rotation.
+
+    Raises:
+        InputError: its length is not 1.
+    """
+    parts = [cell for name, cell in zip(columns, cells, strict=True) if name in QUATERNION]
+    if parts and abs(math.hypot(*parts) - 1.0) > LENGTH:
+        raise InputError(
+            f'{where}: the quaternion must be of length 1, not {math.hypot(*parts):g}'
+        )
 
 
 def _time(where: str, column: str, text: str, start: int) -> float:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms.closing import close
@@ -23,7 +24,14 @@ from parallel_robot_model.mechanisms.reach import spread
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
 from parallel_robot_model.mechanisms.tool import tool_pose
 from parallel_robot_model.mechanisms.workspace import boxed
-from parallel_robot_model.robots.contract import FOUND, Coordinate, Margin, Reach, place_of
+from parallel_robot_model.robots.contract import (
+    FOUND,
+    Coordinate,
+    Geometry,
+    Margin,
+    Reach,
+    place_of,
+)
 from parallel_robot_model.robots.described import kernels, parameters
 from parallel_robot_model.robots.described.constants import Constants, constants
 from parallel_robot_model.robots.described.default_values import (
@@ -34,6 +42,7 @@ from parallel_robot_model.robots.described.default_values import (
 from parallel_robot_model.robots.described.linear_machine import LinearMachine
 from parallel_robot_model.robots.described.masses import weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
+from parallel_robot_model.robots.described.pose_slopes import pose_slopes
 from parallel_robot_model.robots.described.shifting import shifted
 from parallel_robot_model.robots.described.tree import DescribedTree
 from parallel_robot_model.robots.feasibility import Infeasible, first_sample
@@ -143,6 +152,16 @@ class DescribedRobot:
                 vectors[:, coordinate - 3] = poses[:, k]
         turned = Rotation.from_rotvec(vectors) * Rotation.from_matrix(mechanism.tool_home)
         return np.asarray(turned.as_quat())
+
+    def geometry(self, robot: Parameters) -> Geometry:
+        """Where its joints lie."""
+        joints = self.machine(robot).names
+        names = tuple(f'{printable(joint)} {axis}' for joint in joints for axis in 'xyz')
+        return Geometry('shift', names, 'm')
+
+    def pose_slopes(self, robot: Parameters, position: Array, pose: Array) -> Array:
+        """Derivatives of the pose, see :func:`pose_slopes`."""
+        return pose_slopes(self.mechanism(robot), position, pose)
 
     def constants(self, robot: Parameters) -> Constants:
         """The arrays of the machine, with a new memory at home."""

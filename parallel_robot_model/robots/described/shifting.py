@@ -12,6 +12,8 @@ from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 
+SHORTEST = 2.0**-6  # of the shift, that is closed at once
+
 
 def shifted(mechanism: Mechanism, shift: Sequence[float]) -> Mechanism:
     """The machine with other origins of its joints.
@@ -28,8 +30,15 @@ def shifted(mechanism: Mechanism, shift: Sequence[float]) -> Mechanism:
     """
     if not any(shift):
         return mechanism
-    moved = mechanism._replace(origin=mechanism.origin + np.reshape(shift, (-1, 3)))
-    value, made = boxed(moved)
-    if close(value, made, made.q.copy()) != FOUND:
-        raise RobotError('shift: the loops of the machine cannot be closed near home')
-    return moved._replace(home=made.all.copy())
+    whole, home, done, step = np.reshape(shift, (-1, 3)), mechanism.home, 0.0, 1.0
+    while done < 1.0:
+        part = mechanism.origin + (done + step) * whole
+        moved = mechanism._replace(origin=part, home=home)
+        value, made = boxed(moved)
+        if close(value, made, made.q.copy()) == FOUND:
+            home, done = made.all.copy(), done + step
+            continue
+        step *= 0.5
+        if step < SHORTEST:
+            raise RobotError('shift: the loops of the machine cannot be closed near home')
+    return moved._replace(home=home)
