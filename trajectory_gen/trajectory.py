@@ -195,7 +195,8 @@ def joints_at(robot: RobotModel, poses: Array) -> Reference:
     like = vector(np.zeros(robot.pose_size))
     joints = robot.kernel('joint_motion', PoseMotion(like, like, like))
     still = np.zeros_like(poses)
-    return _reference(joints, robot.constants, like, poses, still, still)
+    found, _ = _reference(joints, robot.constants, like, poses, still, still, True)
+    return found
 
 
 @kernel

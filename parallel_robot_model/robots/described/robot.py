@@ -96,7 +96,7 @@ class DescribedRobot:
         of_file = self.machine(robot).mechanism
         return shifted(weighing(of_file, robot), robot.shift)
 
-    def geometry(self, robot: Parameters) -> Mechanism:
+    def placed(self, robot: Parameters) -> Mechanism:
         """The machine with the joints where the parameters have them, masses as in the file.
 
         Raises:
@@ -264,7 +264,7 @@ class DescribedRobot:
         place = place_of(self.coordinates(robot), self.planar(robot))
         if not place:
             return {}
-        mechanism = self.geometry(robot)
+        mechanism = self.placed(robot)
         rows = np.reshape(position, (-1, position.shape[-1]))
         ends = drawn(mechanism, positions_of(mechanism, rows)[0])[..., :place]
         return {LINES: ends.reshape(*position.shape[:-1], *ends.shape[1:])}

@@ -35,7 +35,7 @@ class Owner(Protocol):
     def mechanism(self, robot: Parameters, /) -> Mechanism:
         """The machine with its numbers as the parameters have them."""
 
-    def geometry(self, robot: Parameters, /) -> Mechanism:
+    def placed(self, robot: Parameters, /) -> Mechanism:
         """The same with the masses of the file."""
 
 
@@ -76,7 +76,7 @@ class DescribedTree:
 
     def angles(self, robot: Parameters, pose: Array, position: Array) -> Array:
         """Positions of the joints that move [rad or m], shape (..., N); NaN in a fault."""
-        mechanism = self._robot.geometry(robot)
+        mechanism = self._robot.placed(robot)
         rows = np.reshape(position, (-1, position.shape[-1]))
         found, _ = positions_of(mechanism, rows)
         return found.reshape(*position.shape[:-1], -1)
