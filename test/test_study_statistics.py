@@ -39,6 +39,19 @@ def test_a_median_with_failures_is_finite_while_most_runs_are():
     assert statistics.median(np.full(3, np.inf)).low == math.inf
 
 
+@pytest.mark.parametrize('failed', range(9))
+@pytest.mark.parametrize(
+    'median', [statistics.median, lambda values: statistics.sectioned(values, np.tile([0, 1], 4))]
+)
+def test_between_a_number_and_a_failure_lies_no_number(median, failed):
+    """The median of an even number of runs, and ends of intervals, are interpolated."""
+    values = np.array([*np.linspace(1.0, 2.0, 8 - failed), *[np.inf] * failed])
+    found = median(values)
+    assert found.value == (np.median(values) if failed < 4 else np.inf)
+    assert found.low <= 2.0 or found.low == np.inf
+    assert found.high < 100.0 or found.high == np.inf
+
+
 def test_duels_are_in_the_same_samples():
     base = RANDOM.lognormal(0.0, 2.0, 400)
     (duel,) = statistics.duels({'a': base * 1.01, 'b': base})  # b wins though they overlap

@@ -21,6 +21,7 @@ LEVEL = 0.95  # of all intervals
 RESAMPLES = 999
 BATCH = 20_000_000  # numbers that are resampled at once
 HUGE = 1e150  # in place of infinity, with which intervals cannot be interpolated
+LARGEST = 1e75  # above all numbers, below whatever is interpolated between one and HUGE
 
 
 @dataclass(frozen=True)
@@ -112,7 +113,7 @@ def sectioned(values: Array, section: NDArray[np.int64]) -> Estimate:
     finite = np.minimum(values, HUGE)
     middle = float(np.median(finite))
     each = np.array([np.median(finite[section == one]) for one in np.unique(section)])
-    if max(each.max(), middle) > 0.5 * HUGE:
+    if max(each.max(), middle) > LARGEST:
         return Estimate(_open(middle), _open(float(each.min())), math.inf)
     count = len(each)
     deviation = math.sqrt(float(np.sum((each - middle) ** 2)) / (count - 1))
@@ -200,4 +201,4 @@ def distribution(values: Array) -> tuple[Array, Array]:
 
 
 def _open(value: float) -> float:
-    return math.inf if value > 0.5 * HUGE else float(value)
+    return math.inf if value > LARGEST else float(value)
