@@ -17,6 +17,9 @@ from parallel_robot_sim.configuration import configure, configure_plant
 from parallel_robot_sim.simulator import Simulator
 
 SCENARIOS = ('axes_step', 'serial_2r_circle')
+MACHINES = (
+    'delta_circle', 'delta_pick_and_place', 'hexapod_circle', 'five_bar_circle', 'arm6_circle'
+)  # fmt: skip
 START, MS = 10**9, 10**6  # ns
 
 
@@ -35,6 +38,38 @@ def test_every_law_brings_every_robot_to_its_motion(law, configuration):
     assert not out.fault.any() and out.steps == 4001
     assert error[0].max() > 5e-3  # it begins beside the motion
     assert error[2000:].max() < (0.05 if law == 'nftsmc' else 0.008)
+
+
+@pytest.fixture(scope='module', params=MACHINES)
+def begun(request):
+    """A described machine with the first 0.3 s of its motion."""
+    configuration = configure(resolve(request.param, {'duration': 0.3}))
+    experiment = assemble(configuration)
+    return configuration, experiment, experiment.trajectory.sample(np.arange(301) * 1e-3)
+
+
+@pytest.mark.parametrize('law', LAWS)
+def test_every_law_begins_the_motion_of_every_machine(law, begun):
+    """With the gains of its file: no fault, and it does not go away from the motion."""
+    configuration, experiment, motion = begun
+    out = run(control.assemble(configuration.control, law), experiment.plant, motion, 1e-3)
+    error = np.abs(motion.position - out.position)
+    assert not out.fault.any() and out.steps == 301
+    assert error[200:].max() < 2.0 * error.max(initial=0.0)
+
+
+@pytest.mark.parametrize(('damping', 'stopped'), [(0.1, False), (0.0285, True)])
+def test_a_five_bar_that_brakes_as_its_motors_can_runs_half_as_fast_again(damping, stopped):
+    """Its circle passes near a singularity: with 20 /s of damping 1.2 times is too fast."""
+    values = resolve(
+        'five_bar_circle',
+        {
+            'law': 'lqg_tracking', 'duration': 1.0, 'trajectory.speed_factor': 1.5,
+            'safety.damping': damping,
+        },
+    )  # fmt: skip
+    assert resolve('five_bar_circle')['safety.damping'] == 0.1
+    assert simulated(values).run.fault.any() == stopped
 
 
 @pytest.mark.parametrize('law', ['s_fotsmc', 'smc', 'computed_torque'])
