@@ -71,11 +71,13 @@ def test_poses_are_those_of_mujoco(machine):
     assert np.allclose(made.pose, pose, atol=1e-10)
 
 
-def test_a_machine_moves_as_in_mujoco(capsys):
-    words = '--set', 'robot_model=five_bar', '--robots', '2', '--duration', '0.1'
+@pytest.mark.parametrize('name', ['five_bar', 'hexapod'])
+def test_a_machine_moves_as_in_mujoco(name, capsys):
+    """Gravity takes half of what the motors of the hexapod have."""
+    words = '--set', f'robot_model={name}', '--robots', '2', '--duration', '0.1'
     assert verify(*words) == 0
     row = capsys.readouterr().out.splitlines()[-1].strip()
-    assert row.startswith('five_bar') and row.endswith('  agrees')
+    assert row.startswith(name) and row.endswith('  agrees')
 
 
 def test_a_mass_that_is_a_thousandth_off_is_found(monkeypatch, capsys):

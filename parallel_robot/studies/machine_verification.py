@@ -27,7 +27,8 @@ from parallel_robot_model.robots.described.default_values import at_home
 from parallel_robot_sim.mujoco_machine import MujocoMachine
 
 POSE = 0.05  # of the length of the machine, or rad, about the initial pose
-PUSH = 10.0  # rad/s^2 or m/s^2, amplitude of the torques over the inertia
+PUSH = 10.0  # rad/s^2 or lengths/s^2, amplitude of the torques over the inertia
+CALMER = 10  # draws after which it is halved: not every machine has room for it
 DAMPING = 3.0, 6.0  # 1/s, viscous friction over the inertia
 
 
@@ -83,9 +84,12 @@ def _compared(
     random = np.random.default_rng([seed, number])
     inertia, gravity, _ = at_home(machine)
     units = np.where([unit == 'm' for unit in machine.units], machine.mechanism.length, 1.0)
-    for _ in range(DRAWS):
+    left = np.asarray(base['plant.torque_limit']) - np.abs(gravity)  # MuJoCo's motors have none
+    largest = np.minimum(PUSH * inertia * units, left)
+    for draw in range(DRAWS):
         values = _drawn(given, base, machine, random)
-        moved_by = gravity + torques(PUSH * inertia * units, len(inertia), duration, base, random)
+        push = 0.5 ** (draw // CALMER) * largest
+        moved_by = gravity + torques(push, len(inertia), duration, base, random)
         try:
             ours = poses(values, moved_by)
             plant = MujocoMachine(*bodies(values))
