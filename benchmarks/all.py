@@ -31,7 +31,7 @@ PACKAGES = ('numpy', 'numba', 'llvmlite', 'mujoco', 'mcap', 'rosbags', 'ros-jazz
 BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those of --quick
     'kernels': (['31', '3600'], ['3', '36']),
     'machines': (['31'], ['1']),
-    'calibration': ([], ['2', '8']),
+    'calibration': (['24', '40'], ['2', '8', 'planar_3rrr']),
     'reading': (['7'], ['1']),
     'length': (['3600'], ['60']),
     'sweep': (['1000', '3'], ['8', '1']),

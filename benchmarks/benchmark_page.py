@@ -41,7 +41,7 @@ S-FOTSMC, motion and record included, over the time that it simulates.""",
     'calibration': (
         'Calibration',
         """\
-100 robots off by 1 mm and 2 mrad, measured with 10 um of noise in the poses of `calibrate
+24 robots each, off by 1 mm and 2 mrad, measured with 10 um of noise in the poses of `calibrate
 --design`: how often intervals cover the truth, and the true error that is left.""",
     ),
     'reading': (

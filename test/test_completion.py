@@ -35,7 +35,7 @@ def completed(typed):
         ('.venv/bin/parallel_robot run docs/example_sc', ['docs/example_scenario.yaml']),
         ('parallel_robot run paper_circle --law s_', ['s_fotsmc', 's_fotsmc_ft', 's_smc']),
         ('parallel_robot run paper_circle --set smc.', ['smc.G=', 'smc.g=', 'smc.u=', 'smc.z=']),
-        ('parallel_robot sweep equal', ['equal_effort']),
+        ('parallel_robot sweep unc', ['uncertain_robot']),
     ],
 )
 def test_a_word_is_completed(typed, words):
