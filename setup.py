@@ -40,6 +40,7 @@ setup(
         'parallel_robot',
         'parallel_robot.analysis',
         'parallel_robot.analysis.machine',
+        'parallel_robot.analysis.reach',
         'parallel_robot.analysis.replay',
         'parallel_robot.analysis.report',
         'parallel_robot.analysis.video',
