@@ -243,7 +243,7 @@ def test_runs_are_compared_in_a_table(run):
 def test_metrics_are_shown_as_a_table(run):
     found = notebook.metrics(run)
     lines = repr(found).splitlines()
-    assert lines[12].startswith('errors over the second half, 0.') and lines[1].split() == [
+    assert lines[13].startswith('errors over the second half, 0.') and lines[1].split() == [
         'time',
         'to',
         '0.1',
