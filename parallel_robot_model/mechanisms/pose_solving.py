@@ -11,8 +11,6 @@ from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closing import (
     ATTEMPTS,
     BENT,
-    CHORDS,
-    EXACT,
     FAST,
     LONGEST,
     NOISE,
@@ -21,13 +19,12 @@ from parallel_robot_model.mechanisms.closing import (
     finite,
 )
 from parallel_robot_model.mechanisms.closure_rates import derive
-from parallel_robot_model.mechanisms.closures import errors, settle
+from parallel_robot_model.mechanisms.closures import settle
 from parallel_robot_model.mechanisms.copying import clear, copy
 from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
 from parallel_robot_model.mechanisms.linear_solve import solve_vector
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.memory import arrive, begin_at_memory, go_back, remember
-from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.tool import (
     factor_tool,
     follow,
@@ -39,6 +36,9 @@ from parallel_robot_model.mechanisms.tool import (
 )
 from parallel_robot_model.mechanisms.tool_way import add_tool_rate, aim, miss
 from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace
+
+NEWTONS = 8  # corrections of a step
+SMALL = 1e-8  # correction after which the next one is below rounding
 
 
 @kernel
@@ -161,25 +161,19 @@ def _step(
     share: float,
     length: float,
 ) -> int:
-    """Go a share of the way, and correct until loops are closed and the tool is there."""
+    """Go a share of the way, and correct joints until loops are closed and the tool is there."""
     before = share * length
     if not before <= LONGEST:
         return NOT_CLOSED
     for i in range(len(workspace.trial)):
         workspace.trial[i] = workspace.here[i] + share * workspace.way[0, i]
-    for k in range(CHORDS):
-        if k == 0 and not _linearise(mechanism, workspace, pose, done + share):
+    for _ in range(NEWTONS):
+        if not _linearise(mechanism, workspace, pose, done + share):
             return SINGULAR
-        if k > 0:
-            place(mechanism, workspace)
-            errors(mechanism, workspace)
-            place_tool(mechanism, workspace)
-            miss(mechanism, workspace, pose, done + share)
         size = _correct(mechanism, workspace)
         if not size <= BENT * before + NOISE:
             return NOT_CLOSED
-        left = size * size / before  # as the corrections shrink
-        if left <= EXACT or (size <= NOISE and size >= BENT * before):
+        if size <= SMALL:
             return FOUND
         before = size
     return NOT_CLOSED
