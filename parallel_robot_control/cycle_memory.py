@@ -55,14 +55,12 @@ def acting_at(memory: int, sample: int, lag: float, like: Array) -> Array:
 
 
 @inner
-def acting_after(memory: int, lag: float, like: Array) -> Array:
-    """Mean torque of the motors over the time `lag` after the newest period [N m], shape (n,).
+def acting_after(memory: int, like: Array) -> Array:
+    """Mean torque of motors with a lag over that time after the newest period [N m], shape (n,).
 
     The newest command is held.
     """
     asked = torque_at(memory, newest(memory), like)
-    if not lag > 0.0:
-        return asked
     return asked + (read_at(memory, LAGGED, like) - asked) * (1.0 - math.exp(-1.0))
 
 

@@ -101,7 +101,7 @@ def predicted(
     # 3. And over the lag of the motors, which delays what is asked for now by as much.
     s = sign(kalman, reference, -kalman.lag)
     if kalman.lag > 0.0:
-        torque = cycle_memory.acting_after(kalman.memory, kalman.lag, position) - missing
+        torque = cycle_memory.acting_after(kalman.memory, position) - missing
         x = moved(kalman, model, x, s, torque, kalman.lag)
     unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)

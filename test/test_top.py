@@ -329,6 +329,19 @@ def test_keys_switch_the_law(robots):
     assert graph.asked.count(('law', 'smc')) == 0
 
 
+def test_a_late_tick_or_answer_finds_no_screen_and_does_no_harm(robots):
+    app = Top(robots, FakeGraph(), '7', '/left')
+
+    async def run():
+        async with app.run_test(size=(80, 24)) as pilot:
+            await pilot.pause()
+            await app.query('Static').remove()
+            app.look()
+            app.action_clear_fault()
+
+    asyncio.run(run())
+
+
 def test_a_refusal_is_shown_with_its_reason(robots):
     graph = FakeGraph('refused: smc: [c] must be positive')
     lines = pressed(robots, graph, 'l', 'up', 'enter', namespace='/left')

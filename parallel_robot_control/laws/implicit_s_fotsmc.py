@@ -41,12 +41,7 @@ def update(
         IEEE TAC 57(5); the law as of S-FOTSMC.
     """
     output = s_fotsmc.without_switching(gains, model, reference, feedback, memory, dt)
-    most, last = dt * (gains.G + gains.g), output.memory
+    most, last = dt * (gains.G + gains.g), output.memory.switching
     change = unless_saturated(clip(output.sliding_variable, -most, most), feedback.excess)
-    tau_sw = Integral(last.switching.value + change, last.switching.rate)
-    return ControlOutput(
-        output.torque + multiply(model.M, change),
-        output.sliding_variable,
-        output.coupled_error,
-        Memory(last.coupling, last.surface, tau_sw, last.v, last.started),
-    )
+    tau_sw = Integral(last.value + change, last.rate)
+    return s_fotsmc.with_switching(output, output.torque + multiply(model.M, change), tau_sw)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -51,6 +51,21 @@ def initial_memory(joints: int) -> Array:
 
 
 @kernel
+def classical(gains: Any, e: Array, e_dot: Array) -> tuple[Array, Array]:
+    """The classical surface S and its w, see :func:`update`, of any errors, each shape (n,).
+
+    Args:
+        gains: With Gamma1, Gamma2, gamma1 and gamma2.
+        e: Error [rad], shape (n,).
+        e_dot: Its rate [rad/s], shape (n,).
+    """
+    S = e + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e_dot, gains.gamma2)
+    slope = gains.Gamma1 * gains.gamma1 * np.abs(e) ** (gains.gamma1 - 1.0)
+    w = sig(e_dot, 2.0 - gains.gamma2) * (1.0 + slope) / (gains.Gamma2 * gains.gamma2)
+    return S, w
+
+
+@kernel
 def update(
     gains: Gains,
     model: Model,
@@ -75,13 +90,12 @@ def update(
     """
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
-    slope = gains.Gamma1 * gains.gamma1 * np.abs(e) ** (gains.gamma1 - 1.0)
     if gains.form == 'printed':
+        slope = gains.Gamma1 * gains.gamma1 * np.abs(e) ** (gains.gamma1 - 1.0)
         S = e_dot + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e, gains.gamma2)
         w = (slope + gains.Gamma2 * gains.gamma2 * np.abs(e) ** (gains.gamma2 - 1.0)) * e_dot
     else:
-        S = e + gains.Gamma1 * sig(e, gains.gamma1) + gains.Gamma2 * sig(e_dot, gains.gamma2)
-        w = sig(e_dot, 2.0 - gains.gamma2) * (1.0 + slope) / (gains.Gamma2 * gains.gamma2)
+        S, w = classical(gains, e, e_dot)
     acceleration = reference.acceleration + w + (gains.G + gains.g) * saturate(S / gains.u)
     torque = inverse_dynamics(model, acceleration, feedback.velocity)
     return ControlOutput(torque, S, e, memory)

@@ -142,18 +142,19 @@ def with_coupling(
 @kernel
 def switched(output: ControlOutput, rate: Array, excess: Array) -> ControlOutput:
     """The output with a rate of tau_sw [rad/s^3], zero where the torque is saturated."""
+    switching = Integral(output.memory.switching.value, unless_saturated(rate, excess))
+    return with_switching(output, output.torque, switching)
+
+
+@kernel
+def with_switching(output: ControlOutput, torque: Array, switching: Integral) -> ControlOutput:
+    """The output with another torque [N m], shape (n,), and another integral tau_sw."""
     memory = output.memory
     return ControlOutput(
-        output.torque,
+        torque,
         output.sliding_variable,
         output.coupled_error,
-        Memory(
-            memory.coupling,
-            memory.surface,
-            Integral(memory.switching.value, unless_saturated(rate, excess)),
-            memory.v,
-            memory.started,
-        ),
+        Memory(memory.coupling, memory.surface, switching, memory.v, memory.started),
     )
 
 

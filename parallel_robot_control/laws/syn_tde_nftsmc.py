@@ -10,7 +10,9 @@ from parallel_robot_control.antiwindup import unless_any_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling
 from parallel_robot_control.integral import Integral, advanced, zero_integral
-from parallel_robot_control.switching_functions import saturate, sig
+from parallel_robot_control.laws.nftsmc import classical
+from parallel_robot_control.laws.tdc import unexplained
+from parallel_robot_control.switching_functions import saturate
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, vector
@@ -101,13 +103,9 @@ def update(
     De, De_dot = coupling(e), coupling(e_dot)
     integral = advanced(memory.coupling, dt)
     e_c, e_c_dot = e + gains.lambda_ * integral, e_dot + gains.lambda_ * De
-    S = e_c + gains.Gamma1 * sig(e_c, gains.gamma1) + gains.Gamma2 * sig(e_c_dot, gains.gamma2)
-    slope = 1.0 + gains.Gamma1 * gains.gamma1 * np.abs(e_c) ** (gains.gamma1 - 1.0)
-    w = sig(e_c_dot, 2.0 - gains.gamma2) * slope / (gains.Gamma2 * gains.gamma2)
+    S, w = classical(gains, e_c, e_c_dot)
     # 2. All that is not Mbar thdd, as it was over the last interval.
-    applied = memory.torque - feedback.excess
-    acceleration = (feedback.velocity - memory.velocity) / dt
-    N = memory.started * (applied - gains.inertia * acceleration)
+    N = unexplained(gains.inertia, feedback, memory, dt)
     wanted = reference.acceleration + gains.lambda_ * De_dot + w + gains.G * saturate(S / gains.u)
     torque = gains.inertia * wanted + N
     after = Integral(integral, unless_any_saturated(De, feedback.excess))

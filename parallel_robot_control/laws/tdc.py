@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
@@ -60,6 +60,21 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
+def unexplained(inertia: float, feedback: Feedback, memory: Any, dt: float) -> Array:
+    """N_k: what the torque of the last interval was for besides Mbar thdd [N m], shape (n,).
+
+    Args:
+        inertia: Mbar [kg m^2].
+        feedback: Motion now, and what the limits took from the last torque.
+        memory: With torque, velocity and started as of Memory.
+        dt: Length of the interval [s].
+    """
+    applied = memory.torque - feedback.excess
+    acceleration = (feedback.velocity - memory.velocity) / dt
+    return memory.started * (applied - inertia * acceleration)
+
+
+@kernel
 def update(
     gains: Gains,
     model: Model,
@@ -93,9 +108,7 @@ def update(
     e = reference.position - feedback.position
     e_dot = reference.velocity - feedback.velocity
     # 1. N of the last interval; nothing is known of it at the first sample.
-    applied = memory.torque - feedback.excess
-    acceleration = (feedback.velocity - memory.velocity) / dt
-    N = memory.started * (applied - gains.inertia * acceleration)
+    N = unexplained(gains.inertia, feedback, memory, dt)
     # 2. The torque for linear dynamics of the error.
     torque = gains.inertia * (reference.acceleration + gains.Kd * e_dot + gains.Kp * e) + N
     return ControlOutput(torque, e, e, Memory(torque, feedback.velocity, 1.0))

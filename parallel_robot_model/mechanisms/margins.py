@@ -1,7 +1,10 @@
-"""How far a machine is from its singularities."""
+"""How far a machine is from its singularities, and from its ends of travel."""
 
 from __future__ import annotations
 
+import numpy as np
+
+from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import clear_matrix
 from parallel_robot_model.mechanisms.mechanism import Mechanism
@@ -35,6 +38,15 @@ def margins(mechanism: Mechanism, workspace: Workspace) -> tuple[float, float]:
         _of_tool(mechanism, workspace)
         free = evenness(workspace.tool_gram, workspace.tridiagonal)
     return closed, free
+
+
+@inner
+def travel_left(travel: Array, q: Array) -> float:
+    """Smallest distance to an end of travel [rad or m], shapes (2, n) and (n,)."""
+    left = np.inf
+    for j in range(len(q)):
+        left = min(left, q[j] - travel[0, j], travel[1, j] - q[j])
+    return left
 
 
 @kernel

@@ -6,7 +6,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.faults import FOUND
-from parallel_robot_model.mechanisms.margins import margins
+from parallel_robot_model.mechanisms.margins import margins, travel_left
 from parallel_robot_model.mechanisms.mechanism import Index, Mechanism
 from parallel_robot_model.mechanisms.memory import go_back
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
@@ -79,16 +79,13 @@ def _note(
     mechanism: Mechanism, workspace: Workspace, travel: Array, posture: Array, found: Array
 ) -> bool:
     """Write the posture of the memory and its margins; whether all joints are in their travel."""
-    q, length = workspace.q, len(workspace.all)
+    length = len(workspace.all)
     posture[length] = workspace.angle[0]
     for i in range(length):
         posture[i] = workspace.all[i]
     found[0], found[1] = margins(mechanism, workspace)
-    left = min(q[0] - travel[0, 0], travel[1, 0] - q[0])
-    for j in range(1, len(q)):
-        left = min(left, q[j] - travel[0, j], travel[1, j] - q[j])
-    found[2] = left
-    return left >= 0.0
+    found[2] = travel_left(travel, workspace.q)
+    return bool(found[2] >= 0.0)
 
 
 @inner

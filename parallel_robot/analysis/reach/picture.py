@@ -115,11 +115,9 @@ def _draw_boundary(axes: Any, x: Array, y: Array, region: Region) -> None:
     from scipy.ndimage import gaussian_filter  # it takes long to load
 
     left = region.reach.left
-    step = (
-        np.nanmedian(np.abs(np.diff(np.where(np.isinf(left), np.nan, left))))
-        if (np.isfinite(left).any())
-        else 1.0
-    )
+    step = 1.0
+    if np.isfinite(left).any():
+        step = np.nanmedian(np.abs(np.diff(np.where(np.isinf(left), np.nan, left))))
     level = np.where(np.isnan(left), -1.0, np.clip(left / step, -1.0, 1.0))
     level = gaussian_filter(level, SMOOTH, mode='nearest')
     axes.contourf(x, y, level, [-np.inf, 0.0], colors=[GROUND])
@@ -137,15 +135,10 @@ def _draw_inside(axes: Any, plane: Plane, scenery: Scenery) -> None:
     if np.ptp(path, axis=0).any():
         edge = [Stroke(linewidth=3.4, foreground='white'), Normal()]
         axes.plot(*path.T, color=DARK, lw=1.6, path_effects=edge, label='motion')
-    pose, name = (
-        (path[0], 'start')
-        if scenery.home is None
-        else (
-            scales * plane.coordinates(scenery.home),
-            'home',
-        )
-    )
-    beside = '' if scenery.home is None else _beside(plane, scenery.home, scenery.coordinates)
+    pose, name, beside = path[0], 'start', ''
+    if scenery.home is not None:
+        pose, name = scales * plane.coordinates(scenery.home), 'home'
+        beside = _beside(plane, scenery.home, scenery.coordinates)
     face = 'none' if beside else GOLD
     look = {'ls': '', 'marker': 'o', 'ms': 7, 'mfc': face, 'mec': DARK, 'mew': 1.2}
     axes.plot(*pose, **look, label=f'{name}{beside}')

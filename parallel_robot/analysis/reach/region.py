@@ -101,13 +101,17 @@ def _first_size(robot: RobotModel, pose: Array, axis: Axis) -> float:
         return TURN
     joints = joints_at(robot, pose[np.newaxis])
     if joints.out_of_reach[0] != REACHED:
-        values = ', '.join(f'{value:.6g}' for value in pose)
-        raise InputError(f'{robot.name} does not reach [{values}] from home')
+        raise _beyond(robot, pose)
     ends = [ends for ends in posture(robot, pose, joints.position[0]).values() if ends.size]
     if not ends:
         return 1.0
     points = np.concatenate([each.reshape(-1, each.shape[-1]) for each in ends])
     return float(np.ptp(points, axis=0).max()) or 1.0
+
+
+def _beyond(robot: RobotModel, pose: Array) -> InputError:
+    values = ', '.join(f'{value:.6g}' for value in pose)
+    return InputError(f'{robot.name} does not reach [{values}] from home')
 
 
 def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Region:
@@ -123,8 +127,7 @@ def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Regi
     reach = _traced(robot, poses, (int(low[1]), int(low[0])))
     inside = reach.left >= 0.0
     if not inside[low[1], low[0]]:
-        values = ', '.join(f'{value:.6g}' for value in plane.pose)
-        raise InputError(f'{robot.name} does not reach [{values}] from home')
+        raise _beyond(robot, plane.pose)
     sides = (inside[:, [0, -1]], inside[[0, -1]])
     cut = (side.any() for side, axis in zip(sides, plane.axes, strict=True) if axis.unit == 'm')
     return Region(plane, first, second, reach, not any(cut))

@@ -85,12 +85,15 @@ class Top(App[None]):
         self._domain = domain
         self._chosen = namespace is not None
         self._shown = namespace or ''
+        # Held, not looked up: a tick of the timer may come while the screen is taken down.
+        self._picture = Static(id='picture')
+        self._said = Static(id='said')
         graph.watch(self._shown)
 
     def compose(self) -> ComposeResult:
         """Build the screen."""
-        yield Static(id='picture')
-        yield Static(id='said')
+        yield self._picture
+        yield self._said
         yield Footer()
 
     def on_mount(self) -> None:
@@ -108,7 +111,7 @@ class Top(App[None]):
         picture = view.screen(
             self._robots, self._shown, self._domain, time.monotonic(), self.size.width
         )
-        self.query_one('#picture', Static).update(picture)
+        self._picture.update(picture)
 
     def action_choose_law(self) -> None:
         """Let the user choose one of the controller's laws."""
@@ -155,4 +158,4 @@ class Top(App[None]):
         return tell
 
     def _say(self, text: str, style: str) -> None:
-        self.query_one('#said', Static).update(Text(text, style))
+        self._said.update(Text(text, style))

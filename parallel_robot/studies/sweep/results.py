@@ -15,7 +15,7 @@ from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.table import arrow
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import ROTATION, JointUnits
+from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
 
 REASONS = 3  # most frequent reasons of failures to report
@@ -39,9 +39,7 @@ class Quantity:
 
     def told(self, units: JointUnits) -> Quantity:
         """The same of joints of some units."""
-        column = units.key(self.column)
-        kept = ROTATION in self.column
-        return replace(self, column=column, unit=self.unit if kept else units.of(self.unit))
+        return replace(self, column=units.key(self.column), unit=units.of(self.unit))
 
 
 ERRORS = (  # the first that the scenario has is the one by which laws are compared

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
 from parallel_robot_model.mechanisms import closing, dynamics, free_motion, tool
-from parallel_robot_model.mechanisms.margins import keeps
+from parallel_robot_model.mechanisms.margins import keeps, travel_left
 from parallel_robot_model.mechanisms.margins import margins as margins_of
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
@@ -51,15 +51,6 @@ def _pose(robot: Constants, like: Array) -> Array:
 
 
 @inner
-def _left(robot: Constants, position: Array) -> float:
-    """Smallest distance to an end of travel [rad or m]."""
-    left = np.inf
-    for i in range(len(position)):
-        left = min(left, position[i] - robot.travel[0, i], robot.travel[1, i] - position[i])
-    return left
-
-
-@inner
 def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
     """FOUND, or the margin that is violated in the posture that is closed; NaN is a fault, too."""
     closure, of_tool = robot.home
@@ -70,7 +61,8 @@ def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
         return CLOSURE
     if not moves:
         return TOOL
-    return FOUND if _left(robot, position) >= margins.min_travel else TRAVEL
+    left = travel_left(robot.travel, position)
+    return FOUND if left >= margins.min_travel else TRAVEL
 
 
 @kernel
