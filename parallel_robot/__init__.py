@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
+    'parallel_robot.python.benchmarks': ('benchmark',),
     'parallel_robot.python.calibration': ('calibrate',),
     'parallel_robot.python.checks': ('fronts', 'recover', 'verify'),
     'parallel_robot.python.descriptions': ('show', 'urdf'),
@@ -36,13 +37,14 @@ _PLACES = {  # module to what it offers
     'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
 }  # fmt: skip
 __all__ = [
-    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'calibrate', 'compare',
-    'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics',
-    'plot', 'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show', 'simulate',
-    'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify', 'video',
+    'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'benchmark', 'calibrate',
+    'compare', 'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load',
+    'metrics', 'plot', 'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show',
+    'simulate', 'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.python.benchmarks import benchmark
     from parallel_robot.python.calibration import calibrate
     from parallel_robot.python.checks import fronts, recover, verify
     from parallel_robot.python.descriptions import show, urdf

@@ -44,6 +44,7 @@ COMMANDS = {
     'robot': 'a machine from its description: tree, loops, freedoms, limits, equations, picture',
     'urdf': 'the robot of a scenario for RViz and other tools, from its parameters',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
+    'benchmark': 'laws judged against the limit by a fixed protocol that others can check',
     'tune': 'gains of a law: error against chattering, under the uncertainty of a study',
     'fronts': 'the fronts of several tunings in one picture',
     'identify': 'masses, inertias and friction of the robot from its motion in a bag',

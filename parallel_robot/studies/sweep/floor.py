@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.limit.causes import WHOLE, least_error
 from parallel_robot_model.common.errors import first_line
 from parallel_robot_sim.configuration import Configuration
@@ -38,3 +39,11 @@ def floor_of(configuration: Configuration) -> Floor:
     if configuration.plant.robot.place:
         return Floor(limit_um=limit, delay_um=delay)
     return Floor(limit_urad=limit, delay_um=delay)
+
+
+def calm_of(configuration: Configuration) -> Calm | None:
+    """The limit of an experiment by chattering; None where there is none."""
+    try:
+        return least_error(configuration, causes=False, calm=True).calm
+    except Exception:  # custom robots raise anything
+        return None

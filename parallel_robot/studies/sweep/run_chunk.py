@@ -11,6 +11,7 @@ import numpy as np
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.metrics import Metrics
+from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.floor import Floor
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
@@ -37,6 +38,7 @@ class Outcome:
         limits: Limits that acted.
         metrics: Metrics of the run.
         floor: Limit of its sample, where it was asked for.
+        calm: Limit of its sample by chattering, where it was asked for and there is one.
     """
 
     status: Status
@@ -44,6 +46,7 @@ class Outcome:
     limits: str = ''
     metrics: Metrics | None = None
     floor: Floor | None = None
+    calm: Calm | None = None
 
 
 class Prepared(NamedTuple):

@@ -7,9 +7,10 @@ compared: it counts as larger than every number.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,7 +95,11 @@ def median(values: Array) -> Estimate:
     return Estimate(_open(middle), _open(interval.low), _open(interval.high))
 
 
-def sectioned(values: Array, section: NDArray[np.int64]) -> Estimate:
+def sectioned(
+    values: Array,
+    section: NDArray[np.int64],
+    statistic: Callable[[Array], Any] = np.median,
+) -> Estimate:
     """Median of all values, with a t-interval from the medians of independent sections.
 
     Sections are independently scrambled sequences: the points of one are not independent, so
@@ -103,6 +108,7 @@ def sectioned(values: Array, section: NDArray[np.int64]) -> Estimate:
     Args:
         values: One value a run, infinite for one that failed.
         section: Number of the section of each.
+        statistic: Another one than the median.
 
     Source:
         Asmussen, Glynn (2007), Stochastic Simulation, III.5, for sectioning; Owen (2023),
@@ -111,8 +117,8 @@ def sectioned(values: Array, section: NDArray[np.int64]) -> Estimate:
     from scipy.stats import t  # slow to import
 
     finite = np.minimum(values, HUGE)
-    middle = float(np.median(finite))
-    each = np.array([np.median(finite[section == one]) for one in np.unique(section)])
+    middle = float(statistic(finite))
+    each = np.array([statistic(finite[section == one]) for one in np.unique(section)])
     if max(each.max(), middle) > LARGEST:
         return Estimate(_open(middle), _open(float(each.min())), math.inf)
     count = len(each)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.bags.experiment import software
-from parallel_robot.studies.sweep.floor import floor_of
+from parallel_robot.studies.sweep.floor import calm_of, floor_of
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Outcome, failed, run_chunk
 from parallel_robot_control.configuration import resolve
@@ -36,6 +36,7 @@ class Task:
         version: Version of the code that is to run it, see :func:`version`.
         limited: Whether the limit of each sample is asked for: it is the same for all laws of a
             scenario, so the rows of the first one tell it.
+        calm: Whether its price of calm is asked for, too.
         losses: How many workers were lost over it.
     """
 
@@ -44,6 +45,7 @@ class Task:
     overrides: tuple[Mapping[str, Any], ...]
     version: str
     limited: bool = False
+    calm: bool = False
     losses: int = 0
 
     def split(self) -> list[Task]:
@@ -118,6 +120,9 @@ def run_task(task: Task) -> list[Outcome]:
         if task.limited:
             for k, configuration in good.items():
                 found[k] = replace(found[k], floor=floor_of(configuration))
+        if task.calm:
+            for k, configuration in good.items():
+                found[k] = replace(found[k], calm=calm_of(configuration))
         return list(found.values())
 
 

@@ -1,0 +1,85 @@
+"""A benchmark run again from its score alone, and whether it is the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.studies.benchmark import protocol as protocols
+from parallel_robot.studies.benchmark.benchmark import benchmarked
+from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
+from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, read
+from parallel_robot.studies.sweep.workers import Workers
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(ShownResult):
+    """What a second run says of a score.
+
+    Attributes:
+        path: The file.
+        differences: What differs, a line each; empty if the score is the same.
+        runs: Number of runs of each law and kind of gains.
+    """
+
+    path: Path
+    differences: tuple[str, ...]
+    runs: int
+
+    def parts(self) -> list[Part]:
+        """What differs, or that nothing does."""
+        if not self.differences:
+            return [f'{self.path}: the same to the last digit, {self.runs} runs of each law']
+        count = len(self.differences)
+        parts: list[Part] = [f'{self.path} is not what comes out here, {count} differences:']
+        parts += [f'  {line}' for line in self.differences[:MOST_DIFFERENCES]]
+        return [*parts, '  ...'] if count > MOST_DIFFERENCES else parts
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {'same': not self.differences, 'differences': list(self.differences)}
+
+
+def checked(
+    path: Path,
+    protocol: str,
+    files: Sequence[str],
+    directory: Path,
+    workers: Callable[[], Workers],
+) -> Checked:
+    """Run the benchmark of a score again.
+
+    Args:
+        path: The score.
+        protocol: Name or file of the protocol.
+        files: Files of those of its laws that are not of the suite.
+        directory: Where it is run.
+        workers: Makes those who run it.
+
+    Raises:
+        InputError: it is no score, or the file of a law is missing.
+        RunError: workers cannot run it, or the disk is full.
+    """
+    score = read(path)
+    facts, entries = score.get('protocol'), score.get('laws')
+    if not isinstance(facts, Mapping) or not isinstance(entries, Mapping) or not entries:
+        raise InputError(f'{path} does not name its protocol and its laws')
+    known = {Path(file).stem: file for file in files}
+    laws = []
+    for law, entry in entries.items():
+        shipped = isinstance(entry, Mapping) and entry.get('source') == SHIPPED
+        if not shipped and law not in known:
+            raise InputError(f'{law} is not of the suite: name its file, {law}.py')
+        laws.append(law if shipped else known[law])
+    phrase = facts.get('phrase')
+    if phrase is not None and not isinstance(phrase, str):
+        raise InputError(f'{path}: phrase must be a text, not {phrase!r}')
+    asked = protocols.read(protocol, facts.get('quick') is True, phrase)
+    ours = benchmarked(asked, phrase, competitors(laws), directory, workers)
+    first = next(iter(next(iter(ours.runs.values())).values()))
+    return Checked(path, tuple(differences(score, ours.as_data())), len(first))

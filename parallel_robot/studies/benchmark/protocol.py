@@ -1,0 +1,241 @@
+"""A protocol as its file says it: robots, motions, troubles, samples and the search for gains."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from parallel_robot.studies.sweep import study, uncertainty
+from parallel_robot.studies.sweep.uncertainty import Uncertainty
+from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import config, plain_data
+from parallel_robot_model.configuration.fields import Field, check
+
+DEFAULT = 'protocol_1'
+KEYS = (
+    'version', 'duration', 'seed', 'scrambles', 'speeds', 'search', 'quick', 'set', 'ages',
+    'uncertainty', 'forces', 'mixes', 'robots',
+)  # fmt: skip
+ENDS = ('low', 'high')  # of a distribution of forces, which are multiplied
+
+
+@dataclass(frozen=True)
+class Search:
+    """The search for the tuned gains of a law on a robot.
+
+    Attributes:
+        trials: Gains that are tried.
+        runs: Robots of each trial.
+        seed: Seed of these robots and of the proposals.
+        chattering: Most excess chattering, as a share of the force of the robot.
+        search: Keys that are searched beside the gains.
+        bounds: Where gains are searched, as words of ``tune --bounds``.
+    """
+
+    trials: int
+    runs: int
+    seed: int
+    chattering: float
+    search: tuple[str, ...]
+    bounds: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """What is unknown, and what else is set: of a mix, or of one on a robot.
+
+    Attributes:
+        fixed: Keys of the configuration and their values.
+        uncertain: Uncertain parameters by key.
+    """
+
+    fixed: Mapping[str, Any]
+    uncertain: Mapping[str, Uncertainty]
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot of the protocol.
+
+    Attributes:
+        name: Its name.
+        scenario: Its scenario.
+        force: In what the mixes give forces [N m], or [N] of slides.
+        motions: Shapes of its motions.
+        mixes: Its troubles by name of the mix.
+    """
+
+    name: str
+    scenario: str
+    force: float
+    motions: tuple[str, ...]
+    mixes: Mapping[str, Trouble]
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """A protocol.
+
+    Attributes:
+        name: Name of its file.
+        version: Its number.
+        digest: SHA-256 of all that counts: its file, the scenarios and the robots.
+        duration: Length of a run [s].
+        seed: Of robots, noise and delays.
+        scrambles: Independent sequences of samples.
+        speeds: Factors of the speed of a motion.
+        ages: Keys that tell the age of a state, or hide it, by name.
+        robots: The robots.
+        search: The search for gains.
+        quick: Whether it is only the first look that the protocol allows.
+    """
+
+    name: str
+    version: int
+    digest: str
+    duration: float
+    seed: int
+    scrambles: int
+    speeds: tuple[float, ...]
+    ages: Mapping[str, Mapping[str, Any]]
+    robots: tuple[Robot, ...]
+    search: Search
+    quick: bool
+
+
+def read(name: str = DEFAULT, quick: bool = False, phrase: str | None = None) -> Protocol:
+    """Read a protocol.
+
+    Args:
+        name: Name of a file in config/benchmarks, or a path.
+        quick: Whether only a first look is wanted.
+        phrase: Words from which other samples are drawn than those to develop on.
+
+    Raises:
+        InputError: there is no such file, or something in it is wrong.
+    """
+    file = _file_of(name)
+    try:
+        content = plain_data.load(study.read(file))
+    except ValueError as error:
+        raise InputError(f'{file} cannot be read as YAML: {error}') from None
+    if not isinstance(content, dict):
+        raise InputError(f'{file} must hold keys and values')
+    try:
+        return _protocol(content, file, quick, phrase)
+    except InputError as error:
+        raise InputError(f'{file}: {error}') from None
+
+
+def seed_from(phrase: str) -> int:
+    """The seed that belongs to a phrase: the first 62 bits of its SHA-256 in UTF-8."""
+    return int.from_bytes(hashlib.sha256(phrase.encode()).digest()[:8], 'big') >> 2
+
+
+def _file_of(name: str) -> Path:
+    known = {path.stem: path for path in (config.directory() / 'benchmarks').glob('*.yaml')}
+    if name in known:
+        return known[name]
+    path = Path(name)
+    if path.suffix not in ('.yaml', '.yml') and '/' not in name:
+        raise UnknownNameError('protocol', name, known)
+    return path
+
+
+def _protocol(content: Mapping[str, Any], file: Path, quick: bool, phrase: str | None) -> Protocol:
+    for key in content:
+        if key not in KEYS:
+            raise UnknownNameError('key', key, KEYS)
+    for key in KEYS:
+        if key not in content:
+            raise InputError(f'{key} is missing')
+    whole = Field('', '', 1, study.MOST_SCRAMBLES)
+    scrambles = check('scrambles', int, whole, content['scrambles'])
+    search = _group('search', content['search'])
+    robots = [
+        _robot(name, each, content) for name, each in _group('robots', content['robots']).items()
+    ]
+    digest = _digest(content, robots)
+    if quick:
+        less = _group('quick', content['quick'])
+        robots = [robot for robot in robots if robot.name in less['robots']]
+        scrambles = check('quick.scrambles', int, whole, less['scrambles'])
+        search = {**search, 'trials': less['trials']}
+    seeds = Field('', '', 0, 2**63 - 1)
+    return Protocol(
+        file.stem,
+        check('version', int, Field('', '', 1), content['version']),
+        digest,
+        check('duration', float, Field('s', '', 0.1), content['duration']),
+        check('seed', int, seeds, content['seed']) if phrase is None else seed_from(phrase),
+        scrambles,
+        check('speeds', tuple[float, ...], Field('', '', 1e-6, 1e6), content['speeds']),
+        {name: config.flat(each) for name, each in _group('ages', content['ages']).items()},
+        tuple(robots),
+        Search(
+            check('search.trials', int, Field('', '', 1), search.get('trials')),
+            check('search.runs', int, Field('', '', 1), search.get('runs')),
+            check('search.seed', int, seeds, search.get('seed')),
+            check('search.chattering', float, Field('', '', 0.0), search.get('chattering')),
+            check('search.search', tuple[str, ...], Field('', ''), search.get('search')),
+            check('search.bounds', tuple[str, ...], Field('', ''), search.get('bounds')),
+        ),
+        quick,
+    )
+
+
+def _robot(name: str, given: Any, content: Mapping[str, Any]) -> Robot:
+    given = _group(f'robots.{name}', given)
+    for key in ('scenario', 'force', 'motions'):
+        if key not in given:
+            raise InputError(f'robots.{name}.{key} is missing')
+    force = check(f'robots.{name}.force', float, Field('N m', '', 0.0), given['force'])
+    mixes = {}
+    for mix, trouble in _group('mixes', content['mixes']).items():
+        trouble = _group(f'mixes.{mix}', trouble)
+        forces = {**_group('forces', content['forces']), **trouble.get('forces', {})}
+        uncertain = {
+            **_group('uncertainty', content['uncertainty']),
+            **trouble.get('uncertainty', {}),
+            **{key: _scaled(entry, force) for key, entry in forces.items()},
+            **given.get('uncertainty', {}),
+        }
+        fixed = {**content['set'], **trouble.get('set', {}), **given.get('set', {})}
+        mixes[mix] = Trouble(
+            config.flat(fixed),
+            {key: uncertainty.parse(key, entry) for key, entry in uncertain.items()},
+        )
+    motions = check(f'robots.{name}.motions', tuple[str, ...], Field('', ''), given['motions'])
+    return Robot(name, given['scenario'], force, motions, mixes)
+
+
+def _scaled(entry: Mapping[str, Any], force: float) -> dict[str, Any]:
+    return {key: force * value if key in ENDS else value for key, value in entry.items()}
+
+
+def _group(key: str, given: Any) -> dict[str, Any]:
+    if not isinstance(given, dict):
+        raise InputError(f'{key} must hold keys and values, not {given!r}')
+    return given
+
+
+def _digest(content: Mapping[str, Any], robots: list[Robot]) -> str:
+    """SHA-256 of a protocol with the files of its scenarios and robots."""
+    parts: dict[str, Any] = {'protocol': content}
+    folder = config.directory()
+    for robot in robots:
+        values = resolve(robot.scenario)
+        model = values['robot_model']
+        places = [
+            f'scenarios/{robot.scenario}.yaml',
+            f'robots/{model}.yaml',
+            f'machines/{model}.xml',
+        ]
+        known = [folder / place for place in places if (folder / place).is_file()]
+        parts[robot.name] = [values['joints'], *(path.read_text() for path in known)]
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
