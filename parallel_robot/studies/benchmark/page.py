@@ -71,10 +71,10 @@ def _by_robot(scores: Scores) -> list[Any]:
             spent = [f'{value:.4g}' for value in (each.chattering, each.torque, each.energy)]
             figures = [f'{each.median.value:.3f}', f'{each.tail.value:.3f}', *spent]
             tables.setdefault(robot, []).append([law, kind, *figures])
-    forces = {'hexapod': 'N'}
+    units = {robot.name: robot.unit for robot in scores.protocol.robots}
     parts: list[Any] = []
     for robot, rows in tables.items():
-        unit = forces.get(robot, 'N m')
+        unit = units[robot]
         named = [
             f'{head} [{unit}]' if head in ('chattering', 'torque') else head for head in heads
         ]

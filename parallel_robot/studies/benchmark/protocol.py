@@ -15,6 +15,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.fields import Field, check
+from parallel_robot_model.robots.configuration import units_of
 
 DEFAULT = 'protocol_1'
 KEYS = (
@@ -75,6 +76,11 @@ class Robot:
     force: float
     motions: tuple[str, ...]
     mixes: Mapping[str, Trouble]
+
+    @property
+    def unit(self) -> str:
+        """Unit of the force of its joints."""
+        return units_of(resolve(self.scenario)).of('N m')
 
 
 @dataclass(frozen=True)
