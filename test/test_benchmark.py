@@ -13,6 +13,7 @@ from sweeping import Inline
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies import least_errors
 from parallel_robot.studies.benchmark import again, judged_runs
 from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.competitors import competitors
@@ -114,7 +115,7 @@ def test_a_run_is_that_of_simulate_against_the_limit_of_its_robot(whole, protoco
     found = scores.runs['pid']['default'][condition.first]
     assert found.figures.error == metrics.steady.xy_rms_m
     assert found.figures.chattering == metrics.torque.chattering_nm
-    limits = pr.limit(row.scenario, calm=True, **row.overrides)
+    limits = least_errors.compute(row.scenario, row.overrides, calm=True)
     (robot,) = next(iter(limits.members.values()))
     wanted = robot.calm.at(max(metrics.torque.chattering_nm, robot.calm.chattering[0]))
     assert found.score == pytest.approx(wanted / found.figures.error, rel=1e-12)

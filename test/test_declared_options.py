@@ -65,6 +65,9 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'state': 'none',
     'speed': '0',
     'magnify': '0',
+    'phrase': ' ',
+    'protocol': 'no_such_protocol',
+    'check': '{tmp}/none',
 }
 OUT = ('--out', '{tmp}/out')
 MODES = {  # words of each command, by what changes which options have a meaning
@@ -85,6 +88,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'robot': [('five_bar',)],
     'urdf': [('paper_circle',)],
     'sweep': [('uncertain_robot', *OUT)],
+    'benchmark': [('pid', *OUT)],
     'tune': [
         ('pid', 'paper_circle', *OUT),
         ('pid', 'paper_circle', '--study', 'uncertain_robot', *OUT),

@@ -38,6 +38,8 @@ def benchmarked(
         RunError: workers cannot run it, or the disk is full; what is finished is kept.
     """
     begin = time.monotonic()
+    with workers():  # can they be reached? Before anything is written
+        pass
     with Store(directory, identity(protocol, laws)) as store:
         gains = search(protocol, laws, store, workers)
         runs = run(protocol, laws, gains, store, workers)

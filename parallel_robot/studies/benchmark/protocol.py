@@ -125,6 +125,8 @@ def read(name: str = DEFAULT, quick: bool = False, phrase: str | None = None) ->
     Raises:
         InputError: there is no such file, or something in it is wrong.
     """
+    if phrase is not None and not phrase.strip():
+        raise InputError(f'a phrase must have words, not {phrase!r}')
     file = _file_of(name)
     try:
         content = plain_data.load(study.read(file))
