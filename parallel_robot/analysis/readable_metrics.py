@@ -18,7 +18,7 @@ from parallel_robot_model.common.units import JointUnits
 class Metric(NamedTuple):
     """One metric; smaller is better.
 
-    Its unit is that of hinges: ``metric.unit_with(found.units)`` is that of a run's joints.
+    Its names and unit are those of hinges: ``metric.told(found.units)`` has those of a run's.
 
     Attributes:
         name: Full name.
@@ -33,9 +33,15 @@ class Metric(NamedTuple):
     unit: str
     value: Callable[[Metrics], float | None]
 
-    def unit_with(self, units: JointUnits) -> str:
-        """Its unit, with joints of some units; a rotation is an angle with all of them."""
-        return self.unit if ROTATION in self.name else units.of(self.unit)
+    def told(self, units: JointUnits) -> Metric:
+        """The same of joints of some units; a rotation is an angle with all of them."""
+        unit = self.unit if ROTATION in self.name else units.of(self.unit)
+        return Metric(units.label(self.name), units.label(self.short), unit, self.value)
+
+    def line(self, found: Metrics, form: Callable[[float], str]) -> str:
+        """Its name, value and unit in a run."""
+        told, value = self.told(found.units), self.value(found)
+        return f'{told.name} {NEVER if value is None else form(value)} {told.unit}'
 
 
 ROTATION = 'end-effector rotation error'
@@ -113,7 +119,10 @@ def whole(found: Metrics) -> Table:
     """The metrics of a run as a table, with three decimals."""
     metrics = defined((*STEADY, *TORQUE, *EFFORT, *AS_SEEN[2:]), found)
     return table(
-        [(one.name, f'{one.value(found):.3f}', one.unit_with(found.units)) for one in metrics]
+        [
+            (one.name, f'{one.value(found):.3f}', one.unit)
+            for one in (metric.told(found.units) for metric in metrics)
+        ]
     )
 
 
@@ -188,10 +197,9 @@ def unsettled(found: Metrics) -> list[str]:
 def brief(found: Metrics, messages: Mapping[str, TopicCount]) -> list[str]:
     """The metrics and the messages that are missing, in a few lines."""
     rows = (STEADY[:3], STEADY[3:], TORQUE, EFFORT, AS_SEEN[2:5], AS_SEEN[5:7], AS_SEEN[7:])
-    groups, units = (defined(metrics, found) for metrics in rows), found.units
+    groups = (defined(metrics, found) for metrics in rows)
     lines = [
-        '  '
-        + '; '.join(f'{one.name} {one.value(found):.3f} {one.unit_with(units)}' for one in metrics)
+        '  ' + '; '.join(one.line(found, '{:.3f}'.format) for one in metrics)
         for metrics in groups
         if metrics
     ]

@@ -205,11 +205,9 @@ class RunMetrics(ShownResult, Metrics):
     __slots__ = ()
 
     def _rows(self) -> list[tuple[str, str, str]]:
-        found = [(one, shown(one.value(self))) for one in defined(METRICS, self)]
-        return [
-            (one.name, value, one.unit_with(self.units) if value != NEVER else '')
-            for one, value in found
-        ]
+        metrics = (one.told(self.units) for one in defined(METRICS, self))
+        found = [(one, shown(one.value(self))) for one in metrics]
+        return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
 
     def parts(self) -> list[Part]:
         """A row for each metric, with its unit, and what they are of."""

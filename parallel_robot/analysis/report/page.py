@@ -105,7 +105,7 @@ def _section(
         'runs': runs,
         'metrics': [
             (
-                metric._replace(unit=metric.unit_with(units)),
+                metric.told(units),
                 _best([metric.value(run.metrics) for run in good]) if alike else '',
             )
             for metric in METRICS

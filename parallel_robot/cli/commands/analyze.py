@@ -112,7 +112,7 @@ def of_stretch(part: PartFigures) -> str:
     """Figures of a stretch of a run, over its second half, as a line."""
     stretch, found, last = part
     texts = [
-        f'{metric.name} {shown(metric.value(found))} {metric.unit_with(found.units)}'
+        metric.line(found, shown)
         for metric in defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5], TORQUE[2]), found)
     ]
     return f'{stretch.begin:g} to {last:g} s, {stretch.law}: {"; ".join(texts)}'

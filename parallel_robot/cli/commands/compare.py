@@ -111,7 +111,8 @@ def table(
         failed: Law to why it has none.
     """
     found = next(iter(results.values()), None)
-    columns = defined(METRICS, found) if found else []
+    units = found.units if found else HINGES
+    columns = [metric.told(units) for metric in defined(METRICS, found)] if found else []
     head = f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')
     rows = [
         [law, f'no figures: {failed[law]}']
@@ -119,8 +120,7 @@ def table(
         else [law, *(shown(metric.value(results[law])) for metric in columns)]
         for law in laws
     ]
-    units = found.units if found else HINGES
-    heads = [f'{metric.short}\n[{metric.unit_with(units)}]' for metric in columns] or ['figures']
+    heads = [f'{metric.short}\n[{metric.unit}]' for metric in columns] or ['figures']
     return [head, Table(['law', *heads], rows)]
 
 

@@ -200,9 +200,7 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
         motions = recorded_motions.of_bag(log, past).motions
         found = metrics.figures(motions)
         errors = defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5]), found)
-        texts = [
-            f'{one.name} {shown(one.value(found))} {one.unit_with(found.units)}' for one in errors
-        ]
+        texts = [one.line(found, shown) for one in errors]
         yield Finding(True, f'over the second half: {"; ".join(texts)}')
 
 

@@ -39,7 +39,12 @@ class Quantity:
 
     def told(self, units: JointUnits) -> Quantity:
         """The same of joints of some units."""
-        return replace(self, column=units.key(self.column), unit=units.of(self.unit))
+        return replace(
+            self,
+            name=units.label(self.name),
+            column=units.key(self.column),
+            unit=units.of(self.unit),
+        )
 
 
 ERRORS = (  # the first that the scenario has is the one by which laws are compared
