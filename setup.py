@@ -48,6 +48,7 @@ setup(
         'parallel_robot.cli',
         'parallel_robot.cli.commands',
         'parallel_robot.cli.top',
+        'parallel_robot.fmu',
         'parallel_robot.live',
         'parallel_robot.python',
         'parallel_robot.studies',
@@ -78,6 +79,7 @@ setup(
     package_data={
         'parallel_robot.bags': ['*.json'],
         'parallel_robot.analysis.report': ['templates/*'],
+        'parallel_robot.fmu': ['c/*'],
         'parallel_robot.live': ['static/*.*', 'static/uplot/*'],
     },
     data_files=[
@@ -151,6 +153,7 @@ setup(
             *CLUSTER,
             *DOCS,
             *SOURCE,
+            'fmpy==0.3.32',
             'hypothesis>=6.100',
             'import-linter>=2.16,<3',
             'ipykernel>=6.29',

@@ -42,6 +42,7 @@ COMMANDS = {
     'recover': 'a whole bag of what is intact in a broken one',
     'show': 'the effective configuration of a scenario, and the source of each value',
     'robot': 'a machine from its description: tree, loops, freedoms, limits, equations, picture',
+    'fmu': 'a law or the simulated robot as an FMU: native code for other simulators',
     'urdf': 'the robot of a scenario for RViz and other tools, from its parameters',
     'sweep': 'a study: laws x scenarios x sampled uncertainty, in parallel, with intervals',
     'benchmark': 'laws judged against the limit by a fixed protocol that others can check',

@@ -13,6 +13,9 @@ Loops
     called from Python without a look at its types. A ``KeptValue`` is memory of any type: kernels
     read what is ``present``, ``propose`` what comes next and ``keep`` it, or ``begin`` anew.
     ``arrays_of`` and ``vectors_of`` turn vectors to arrays and back.
+Out of Python
+    ``native_object`` makes an object file of kernels and of the boxed tuple that they take, with
+    an ``Image`` of its memory; ``leaves`` are the numbers in a tuple, and where they lie.
 """
 
 from parallel_robot_model.compiler.array_copies import arrays_of, vectors_of
@@ -29,6 +32,8 @@ from parallel_robot_model.compiler.kernels import (
     need_compiler,
 )
 from parallel_robot_model.compiler.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
+from parallel_robot_model.compiler.native_code import NativeObject, native_object
 from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_model.compiler.vector_rows import read_row, write_row
@@ -44,9 +49,10 @@ from parallel_robot_model.compiler.vector_types import (
 )
 
 __all__ = [
-    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'KeptValue', 'Space', 'Vector', 'VectorType',
-    'arrays_of', 'as_arrays', 'as_vectors', 'begin', 'clip', 'composed', 'cross', 'dot',
-    'entry_point', 'every', 'inlined', 'inner', 'keep', 'kernel', 'multiply', 'need_compiler',
-    'plain_type', 'present', 'propose', 'read_at', 'read_row', 'reason', 'select', 'shape_of',
-    'solve', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
+    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'KeptValue', 'Leaf', 'NativeObject',
+    'Space', 'Vector', 'VectorType', 'arrays_of', 'as_arrays', 'as_vectors', 'begin', 'clip',
+    'composed', 'cross', 'dot', 'entry_point', 'every', 'inlined', 'inner', 'keep', 'kernel',
+    'leaves', 'multiply', 'native_object', 'need_compiler', 'plain_type', 'present', 'propose',
+    'read_at', 'read_row', 'reason', 'select', 'shape_of', 'solve', 'some', 'vector', 'vectors_of',
+    'write_at', 'write_row',
 ]  # fmt: skip

@@ -34,7 +34,13 @@ class FirstClass:
 
     A kernel that takes one is compiled once for the signature, not again for every function, and
     calls the very code that a direct call runs.
+
+    Attributes:
+        function: The kernel.
+        compiled: What Numba has made of it; not there where kernels are interpreted.
     """
+
+    compiled: Any
 
     def __init__(self, function: Callable[..., Any], *example: Any) -> None:
         """Compile `function` for the types of the `example` arguments."""
@@ -45,6 +51,7 @@ class FirstClass:
         arguments = tuple(numba.typeof(argument) for argument in example)
         dispatcher.compile(arguments)
         compiled = dispatcher.overloads[arguments]
+        self.compiled = compiled
         self._signature = compiled.signature
         self._address = address_of(compiled)
         self._numba_type_ = _FunctionType(self._signature)  # saves a search at every call

@@ -67,6 +67,11 @@ class KeptValue(int):
         """Write the next value."""
         self._values[1 if self._number[0] == 0 else 0][0] = (plain(value),)
 
+    @property
+    def size(self) -> int:
+        """All of it [bytes]."""
+        return int(self._bytes.nbytes)
+
     def copy(self) -> Any:
         """All of it, for :meth:`restore`, shape (bytes,)."""
         return self._bytes.copy()

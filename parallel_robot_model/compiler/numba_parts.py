@@ -33,8 +33,9 @@ from numba.core.imputils import (
     lower_getattr_generic,
 )
 
-# The class of a compiled function: Kernel tells vectors of different sizes apart.
-from numba.core.registry import CPUDispatcher
+# The class of a compiled function: Kernel tells vectors of different sizes apart. And how
+# types lie in memory, for an image of it.
+from numba.core.registry import CPUDispatcher, cpu_target
 
 # Code that is loaded needs the run time alone, not the whole compiler.
 from numba.core.runtime import rtsys
@@ -53,8 +54,9 @@ from numba.experimental.function_type import FunctionModel
 __all__ = [
     'AttributeTemplate', 'CPUDispatcher', 'CachedDispatcher', 'CompileResultCacheImpl',
     'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
-    'address_of', 'cgutils', 'impl_ret_borrowed', 'impl_ret_new_ref', 'in_kernels',
-    'infer_getattr', 'lower_builtin', 'lower_getattr_generic', 'rtsys',
+    'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed',
+    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'lower_builtin',
+    'lower_getattr_generic', 'rtsys',
 ]  # fmt: skip
 
 
@@ -84,6 +86,12 @@ def address_of(compiled: Any) -> int:
     """Address of the machine code that Numba's first-class functions call."""
     name = compiled.fndesc.llvm_cfunc_wrapper_name
     return int(compiled.library.get_pointer_to_function(name))
+
+
+def bitcode_of(compiled: Any) -> tuple[str, bytes]:
+    """Name of a compiled function in LLVM, and the bitcode of all that it is made of."""
+    module = compiled.library._get_module_for_linking()
+    return str(compiled.fndesc.llvm_func_name), bytes(module.as_bitcode())
 
 
 def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., Any]]:

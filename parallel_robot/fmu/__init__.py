@@ -1,0 +1,1 @@
+"""Laws and robots as FMUs, for co-simulation: native code without Python."""

@@ -1,0 +1,210 @@
+"""What units are made of: a law with its cycle, or the simulated robot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+from parallel_robot.fmu import law_kernel, plant_kernel
+from parallel_robot.fmu.law_kernel import LawInstance, answer_state, begin_law, law_instance
+from parallel_robot.fmu.plant_kernel import PlantInstance, advance, plant_instance, tell_state
+from parallel_robot.fmu.variables import WORD, Rows, Variable, of_group
+from parallel_robot_control import assembly as control
+from parallel_robot_control import faults
+from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.safety import limits_of
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import Boxed
+from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_sim.assembly import assemble_plant
+from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.plant import MUJOCO
+
+OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_age')
+
+
+class Contents(NamedTuple):
+    """What a unit is made of.
+
+    Attributes:
+        text: What it is, in a line.
+        root: What its kernels take, boxed.
+        entries: Its kernels by name.
+        variables: Its variables.
+        period: Time between two states [s].
+        codes: Text of each fault by its number.
+    """
+
+    text: str
+    root: Boxed
+    entries: Mapping[str, Callable[..., int]]
+    variables: tuple[Variable, ...]
+    period: float
+    codes: Mapping[int, str]
+
+
+def law_contents(configuration: ControlConfiguration) -> Contents:
+    """A law with its control cycle.
+
+    Raises:
+        InputError: the law cannot be used.
+    """
+    loop, robot = configuration.loop, configuration.robot
+    assembled = control.assemble(configuration)
+    root = law_instance(assembled, loop.period)
+    instance: LawInstance = root.value
+    values: Any = instance.values
+    rows = Rows(int(values), loop.joints, robot.joint_units)
+    last = int(values) + WORD * law_kernel.ROWS * len(loop.joints)
+    gains = configuration.gains[loop.law]
+
+    def limits(safety: Any) -> Any:
+        return limits_of(safety, configuration.margins, loop.period)
+
+    known = faults.of(robot.module)
+    codes = {0: 'none'} | {number: fault.text for number, fault in known.items()}
+    variables = [
+        *rows.of(law_kernel.POSITION, 'position', 'input', 'rad', 'measured position'),
+        *rows.of(law_kernel.VELOCITY, 'velocity', 'input', 'rad/s', 'measured rate'),
+        *rows.of(
+            law_kernel.EFFORT, 'effort', 'input', 'N m',
+            'torque applied during the step that ended at the measurement',
+        ),
+        *rows.of(
+            law_kernel.REFERENCE, 'reference.position', 'input', 'rad', 'desired position'
+        ),
+        *rows.of(
+            law_kernel.REFERENCE + 1, 'reference.velocity', 'input', 'rad/s', 'desired rate'
+        ),
+        *rows.of(
+            law_kernel.REFERENCE + 2, 'reference.acceleration', 'input', 'rad/s^2',
+            'desired acceleration',
+        ),
+        Variable(
+            'age', 'input', 'real', 'from the measurement to the moment at which the torque acts',
+            's', 0.0, address=last + WORD * law_kernel.AGE,
+        ),
+        Variable(
+            'effort_known', 'parameter', 'boolean', 'whether effort is measured', '', 0.0, 0.0,
+            1.0, last + WORD * law_kernel.EFFORT_KNOWN,
+        ),
+        *rows.of(law_kernel.TORQUE, 'torque', 'output', 'N m', 'commanded torque'),
+        *rows.of(
+            law_kernel.SLIDING_VARIABLE, 'sliding_variable', 'output', '',
+            "sliding variable in the law's unit",
+        ),
+        *rows.of(law_kernel.COUPLED_ERROR, 'coupled_error', 'output', 'rad', 'coupled error'),
+        *(
+            Variable(name, 'output', 'integer', text, '', 0.0, address=last + WORD * place)
+            for name, text, place in (
+                ('fault', 'number of the latched fault; 0: none', law_kernel.FAULT),
+                ('cause', 'number of the fault whose cause is there now', law_kernel.CAUSE),
+                (
+                    'acted',
+                    'limits that acted: 1 torque, 2 rate, 4 ramp, 8 motors that do not apply it',
+                    law_kernel.ACTED,
+                ),
+            )
+        ),
+        *of_group(
+            gains, loop.law, assembled.law.law.value.gains, lambda other: other, robot.joint_units
+        ),
+        *(
+            each
+            for each in of_group(
+                configuration.safety, 'safety', assembled.setup.limits, limits, robot.joint_units
+            )
+            if each.name not in OF_NODES
+        ),
+        *of_robot(robot, 'robot', assembled.setup.robot),
+    ]  # fmt: skip
+    return Contents(
+        f'control cycle of {loop.law} for {robot.name}',
+        root,
+        {'unit_begin': begin_law, 'unit_step': answer_state},
+        tuple(variables),
+        loop.period,
+        codes,
+    )
+
+
+def plant_contents(configuration: PlantConfiguration) -> Contents:
+    """The simulated robot with its motors and sensors.
+
+    Raises:
+        InputError: it does not reach its initial pose, has hazards, or is moved by MuJoCo.
+    """
+    loop, robot = configuration.loop, configuration.robot
+    if configuration.parameters.engine == MUJOCO:
+        raise InputError('plant.engine must be analytic in an FMU, not mujoco', 'plant.engine')
+    if loop.hazards:
+        raise InputError('hazards must be empty in an FMU: they happen to a loop', 'hazards')
+    plant = assemble_plant(configuration)
+    root = plant_instance(plant, loop.period, robot.pose_size)
+    instance: PlantInstance = root.value
+    values: Any = instance.values
+    rows = Rows(int(values), loop.joints, robot.joint_units)
+    last = int(values) + WORD * plant_kernel.ROWS * len(loop.joints)
+    load = configuration.load
+
+    def limited(parameters: Any) -> Any:
+        stepping = plant.setup.stepping._replace(torque_limit=parameters.torque_limit)
+        return instance._replace(setup=plant.setup._replace(stepping=stepping))
+
+    variables = [
+        *rows.of(plant_kernel.TORQUE, 'torque', 'input', 'N m', 'commanded torque'),
+        *rows.of(plant_kernel.POSITION, 'position', 'output', 'rad', 'measured position'),
+        *rows.of(plant_kernel.VELOCITY, 'velocity', 'output', 'rad/s', 'measured rate'),
+        *rows.of(
+            plant_kernel.EFFORT, 'effort', 'output', 'N m',
+            'torque applied during the step that ended at the measurement',
+        ),
+        *rows.of(plant_kernel.JOINTS, 'true.position', 'output', 'rad', 'true position'),
+        *rows.of(plant_kernel.RATES, 'true.velocity', 'output', 'rad/s', 'true rate'),
+        Variable(
+            'age', 'output', 'real', 'age of the state that its stamp tells', 's', 0.0,
+            address=last + WORD * plant_kernel.AGE,
+        ),
+        *(
+            Variable(
+                f'pose.{each.name}', 'output', 'real', 'true pose of the end effector', each.unit,
+                0.0, address=last + WORD * (plant_kernel.POSE + k),
+            )
+            for k, each in enumerate(robot.module.coordinates(robot.parameters))
+        ),
+        *of_group(
+            load.friction, 'friction', plant.setup.load,
+            lambda other: JointLoad(other, load.disturbance), robot.joint_units,
+        ),
+        *of_group(
+            load.disturbance, 'disturbance', plant.setup.load,
+            lambda other: JointLoad(load.friction, other), robot.joint_units,
+        ),
+        *(
+            each
+            for each in of_group(
+                configuration.parameters, 'plant', root, limited, robot.joint_units
+            )
+            if each.role == 'parameter'
+        ),
+        *of_robot(robot, 'true_robot', plant.setup.robot),
+    ]  # fmt: skip
+    return Contents(
+        f'simulated {robot.name} with its motors and sensors',
+        root,
+        {'unit_begin': tell_state, 'unit_step': advance},
+        tuple(variables),
+        loop.period,
+        {},
+    )
+
+
+def of_robot(robot: RobotModel, prefix: str, boxed: Boxed) -> list[Variable]:
+    """Variables of the parameters of a robot."""
+    module: Any = robot.module
+    make = getattr(module, 'constants', lambda parameters: parameters)
+    own = getattr(module, 'OWN_MEMORY', False)
+    return list(
+        of_group(robot.parameters, prefix, boxed, None if own else make, robot.joint_units)
+    )
