@@ -27,7 +27,7 @@ PROCESSES = (  # tests that start processes
     *('command_line',),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
-    *('first_power_up', 'forked_process'),
+    *('first_power_up', 'fmu', 'forked_process'),
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
     *('joins', 'kernel_cache', 'life_cycle', 'mechanism_bits'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
@@ -37,7 +37,16 @@ PROCESSES = (  # tests that start processes
     *('state_period', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
 LONG = (  # tests that take as long as all others without processes together
-    *('calm', 'driven_out', 'hostile_messages', 'identification', 'identify', 'recover', 'rivals'),
+    *(
+        'calm',
+        'driven_out',
+        'fmu',
+        'hostile_messages',
+        'identification',
+        'identify',
+        'recover',
+        'rivals',
+    ),
     *('site', 'vectors', 'video'),
 )
 FIRST = (  # the files that take longest: the workers then end together

@@ -86,6 +86,10 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'recover': [('{bag}', *OUT)],
     'show': [('paper_circle',)],
     'robot': [('five_bar',)],
+    'fmu': [
+        ('law', 'pid', '--out', '{tmp}/out.fmu'),
+        ('plant', 'paper_circle', '--out', '{tmp}/out.fmu'),
+    ],
     'urdf': [('paper_circle',)],
     'sweep': [('uncertain_robot', *OUT)],
     'benchmark': [('pid', *OUT)],
@@ -113,6 +117,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.studies.least_errors.least_error',
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',
+    'parallel_robot.cli.commands.fmu.unit',
     'parallel_robot.studies.identification.design.design',
     'parallel_robot.studies.calibration.design.choose',
     'parallel_robot.live.started_graph.NodeProcesses',

@@ -77,6 +77,27 @@ def test_library_needs_no_more_than_c(law, plant):
         check_symbols(str(library(folder)))
 
 
+def test_described_machine_and_own_law_give_the_bits_of_simulate(tmp_path):
+    own = str(Path(__file__).parents[1] / 'docs' / 'example_law.py')
+    law = made(tmp_path, 'law', own, '--scenario', 'five_bar_circle')
+    plant = made(tmp_path, 'plant', 'five_bar_circle')
+    run = simulate('five_bar_circle', law='example_law', duration=0.1, custom_laws=[own])
+    reference = motion(run.simulation.reference)
+    commands, positions = coupled(Unit(law, effort_known=1), Unit(plant), reference)
+    np.testing.assert_array_equal(commands, run.command)
+    np.testing.assert_array_equal(positions, run.position)
+
+
+def test_law_that_makes_arrays_is_one_line(tmp_path, capsys):
+    own = tmp_path / 'slicing_law.py'
+    text = (Path(__file__).parents[1] / 'docs' / 'example_law.py').read_text()
+    begin = text.index('    e = reference')
+    made_anew = '    position = feedback.position.copy()\n    position[0] += 0.0\n'
+    own.write_text(text[:begin] + made_anew + text[begin:])
+    assert main(['fmu', 'law', str(own), '--out', str(tmp_path / 'x.fmu')]) == 2
+    assert 'cannot make arrays' in capsys.readouterr().err
+
+
 def check_symbols(file):
     needed = subprocess.run(['ldd', file], capture_output=True, text=True, check=True).stdout
     assert set(re.findall(r'(\w+)[-.\w]*\.so', needed)) <= {'linux', 'libm', 'libc', 'ld'}

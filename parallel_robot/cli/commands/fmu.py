@@ -8,40 +8,46 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import new_files
-from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
+from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.fmu.contents import Contents, law_contents, plant_contents
 from parallel_robot.fmu.unit import identifier, unit
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import locating, merged
 from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_sim.configuration import configure
 
+SCENARIO = 'paper_circle'
 DURATION = 12.0  # s, of the default experiment where the scenario has none
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    kinds = parser.add_subparsers(dest='kind', required=True, metavar='WHAT')
-    law = kinds.add_parser('law', help='a law with its control cycle: limits, faults, estimator')
-    law.add_argument('law', help='name of a law, or its file')
-    law.add_argument(
-        '--scenario', default='paper_circle', help='whose robot and limits; default paper_circle'
+    parser.add_argument(
+        'kind',
+        choices=('law', 'plant'),
+        help='law: with its control cycle; plant: the simulated robot, its motors and sensors',
     )
-    plant = kinds.add_parser('plant', help='the simulated robot: friction, motors, sensors, noise')
-    add_scenario_argument(plant)
-    for each in (law, plant):
-        add_set_argument(each)
-        each.add_argument('--fmi', type=int, choices=(2, 3), default=2, help='default 2, FMI 2.0')
-        each.add_argument('--out', type=Path, required=True, metavar='FILE', help='must not exist')
+    parser.add_argument('name', help='law, or its file; of a plant the scenario, or its file')
+    parser.add_argument(
+        '--scenario', metavar='SCENARIO', help=f'robot and limits of a law; default: {SCENARIO}'
+    )
+    add_set_argument(parser)
+    parser.add_argument('--fmi', type=int, choices=(2, 3), default=2, help='default 2: FMI 2.0')
+    parser.add_argument('--out', type=Path, required=True, metavar='FILE', help='must not exist')
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     new_files.check(arguments.out, '--out')
     changed: Any = given(arguments)
+    scenario = arguments.name
     if arguments.kind == 'law':
-        changed = merged([changed, _chosen(arguments.law)])
-    values = resolve(scenario_of(arguments.scenario), changed)
+        changed = merged([changed, _chosen(arguments.name)])
+        scenario = arguments.scenario or SCENARIO
+    elif arguments.scenario:
+        raise InputError(f'--scenario is for a law; the plant is that of {arguments.name}')
+    values = resolve(scenario_of(scenario), changed)
     begun = time.monotonic()
     with locating(values):
         configuration = configure(values)

@@ -1,0 +1,125 @@
+/* Runs the library of an FMU 2.0 of a law at a fixed rate, and prints what it took as JSON.
+
+   Usage: native_host LIBRARY GUID STATES JOINTS CYCLES PERIOD_NS
+   STATES: rows of doubles, the real inputs of the law in their order. */
+
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <malloc.h>
+#include <sched.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <time.h>
+
+#define SECOND 1000000000LL
+#define WARM 200 /* cycles that are not counted */
+
+extern void *__libc_malloc(size_t);
+extern void *__libc_calloc(size_t, size_t);
+extern void *__libc_memalign(size_t, size_t);
+
+static long allocations;
+
+void *malloc(size_t size) { return allocations++, __libc_malloc(size); }
+void *calloc(size_t count, size_t size) { return allocations++, __libc_calloc(count, size); }
+void *aligned_alloc(size_t step, size_t size) { return allocations++, __libc_memalign(step, size); }
+
+static int64_t now(void)
+{
+    struct timespec time;
+    clock_gettime(CLOCK_MONOTONIC, &time);
+    return time.tv_sec * SECOND + time.tv_nsec;
+}
+
+static int rising(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static void told(const char *name, double *values, long count)
+{
+    qsort(values, count, sizeof *values, rising);
+    printf("\"%s\": {\"median\": %.3f, \"p9999\": %.3f, \"worst\": %.3f}, ", name,
+           values[count / 2], values[(long)(0.9999 * (count - 1))], values[count - 1]);
+}
+
+int main(int count, char **words)
+{
+    if (count != 7)
+        return 2;
+    int joints = atoi(words[4]);
+    long cycles = atol(words[5]), inputs = 6 * joints + 1, rows;
+    int64_t period = atoll(words[6]);
+    FILE *file = fopen(words[3], "rb");
+    void *library = dlopen(words[1], RTLD_NOW);
+    if (!library || !file) {
+        fprintf(stderr, "%s\n", library ? words[3] : dlerror());
+        return 2;
+    }
+    fseek(file, 0, SEEK_END);
+    rows = ftell(file) / (8 * inputs);
+    rewind(file);
+    double *states = malloc(rows * inputs * 8);
+    if (fread(states, 8 * inputs, rows, file) != (size_t)rows)
+        return 2;
+    void *(*make)(const char *, int, const char *, const char *, const void *, int, int) =
+        dlsym(library, "fmi2Instantiate");
+    int (*set)(void *, const unsigned *, size_t, const double *) = dlsym(library, "fmi2SetReal");
+    int (*get)(void *, const unsigned *, size_t, double *) = dlsym(library, "fmi2GetReal");
+    int (*step)(void *, double, double, int) = dlsym(library, "fmi2DoStep");
+    int (*reset)(void *) = dlsym(library, "fmi2Reset");
+    void *unit = make("unit", 1, words[2], "", 0, 0, 0);
+    if (!unit)
+        return 2;
+    unsigned numbers[inputs], outputs[joints];
+    for (long k = 0; k < inputs; k++)
+        numbers[k] = k;
+    for (long k = 0; k < joints; k++)
+        outputs[k] = inputs + 1 + k; /* behind effort_known */
+    double *late = malloc(cycles * 8), *spent = malloc(cycles * 8), torque[joints], sum = 0.0;
+    memset(late, 1, cycles * 8), memset(spent, 1, cycles * 8);
+    struct sched_param priority = {.sched_priority = 80};
+    int fifo = sched_setscheduler(0, SCHED_FIFO, &priority) == 0;
+    int locked = mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
+    struct rusage before, after;
+    long allocated = 0;
+    int status = 0;
+    int64_t due = now() + period;
+    for (long k = -WARM; k < cycles; k++, due += period) {
+        long row = (k + WARM) % rows;
+        if (k == 0) {
+            getrusage(RUSAGE_SELF, &before);
+            allocated = allocations;
+        }
+        if (row == 0)
+            reset(unit);
+        struct timespec time = {due / SECOND, due % SECOND};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, 0);
+        int64_t begun = now();
+        status |= set(unit, numbers, inputs, states + row * inputs);
+        status |= step(unit, row * 1e-9 * period, 1e-9 * period, 1);
+        status |= get(unit, outputs, joints, torque);
+        int64_t ended = now();
+        sum += torque[0];
+        if (k >= 0) {
+            late[k] = 1e-3 * (begun - due);
+            spent[k] = 1e-3 * (ended - begun);
+        }
+    }
+    getrusage(RUSAGE_SELF, &after);
+    allocated = allocations - allocated;
+    printf("{");
+    told("cycle", spent, cycles);
+    told("wake", late, cycles);
+    printf("\"fifo\": %s, \"locked\": %s, \"page_faults\": %ld, \"allocations\": %ld, "
+           "\"status\": %d, \"sum\": %.17g}\n",
+           fifo ? "true" : "false", locked ? "true" : "false",
+           after.ru_minflt + after.ru_majflt - before.ru_minflt - before.ru_majflt, allocated,
+           status, sum);
+    return 0;
+}
