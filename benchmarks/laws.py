@@ -86,9 +86,11 @@ def kernel_cost(law: str, count: int) -> list[float]:
     return figures
 
 
-def node_cost(law: str, count: int) -> list[float]:
+def node_cost(law: str, count: int, **values: Any) -> list[float]:
     """Time from a joint state and a reference as bytes to the published command [us]."""
-    words = [word for key, value in chosen(law).items() for word in ('-p', f'{key}:={value}')]
+    words = [
+        word for key, value in (chosen(law) | values).items() for word in ('-p', f'{key}:={value}')
+    ]
     rclpy.init(args=['--ros-args', *words])
     node, context = ControllerNode(), Context()
     context.init()

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import zipfile
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import fmpy
 import numpy as np
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
@@ -31,6 +33,21 @@ def library(folder: Path) -> Path:
     """The library of an unpacked unit."""
     (file,) = folder.glob('binaries/*/*.so')
     return file
+
+
+def follows_schema(folder: Path, version: int) -> bool:
+    """Whether the description follows the standard's schema, by libxml2."""
+    xml = ctypes.CDLL('libxml2.so.2')
+    for name in ('xmlSchemaNewParserCtxt', 'xmlSchemaParse', 'xmlSchemaNewValidCtxt'):
+        getattr(xml, name).restype = ctypes.c_void_p
+    xml.xmlReadFile.restype = ctypes.c_void_p
+    schemas = Path(fmpy.__file__).parent / 'schema' / f'fmi{version}'
+    schema = str(schemas / f'fmi{version}ModelDescription.xsd').encode()
+    parser = ctypes.c_void_p(xml.xmlSchemaNewParserCtxt(schema))
+    judge = xml.xmlSchemaNewValidCtxt(ctypes.c_void_p(xml.xmlSchemaParse(parser)))
+    document = xml.xmlReadFile(str(folder / 'modelDescription.xml').encode(), None, 0)
+    found: int = xml.xmlSchemaValidateDoc(ctypes.c_void_p(judge), ctypes.c_void_p(document))
+    return found == 0
 
 
 class Unit:

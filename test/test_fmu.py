@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 import subprocess
+from ctypes.util import find_library
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from fmu_units import PERIOD, Unit, coupled, library, made
+from fmu_units import PERIOD, Unit, coupled, follows_schema, library, made
 
 from parallel_robot.cli.command_line import main
 from parallel_robot_sim.scenario_run import simulate
@@ -173,6 +174,13 @@ def test_parameters_have_unit_range_text_and_start(law):
     for name, each in found.items():
         typed = each[0] if len(each) else each
         assert typed.get('start') or each.get('causality') in ('output', 'independent'), name
+
+
+@pytest.mark.skipif(not find_library('xml2'), reason='no libxml2')
+def test_description_follows_the_schema(law, plant, fmi):
+    for folder in (law, plant):
+        assert follows_schema(folder, fmi)
+        assert not follows_schema(folder, 5 - fmi)
 
 
 def test_fmpy_finds_no_fault(law, plant):
