@@ -7,6 +7,7 @@ import html
 import io
 import json
 import os
+import platform
 import re
 import shutil
 import subprocess
@@ -23,11 +24,13 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Image, native_object
 
 COMPILER = 'gcc'
+SYSTEM = 'Linux x86_64'
 FOLDERS = {2: 'binaries/linux64', 3: 'binaries/x86_64-linux'}
 FLAGS = (
     '-std=c11', '-D_GNU_SOURCE', '-O2', '-ffp-contract=off', '-fPIC', '-shared', '-Wl,-s',
     '-Wl,--gc-sections', '-Wl,-z,defs',
 )  # fmt: skip
+TOKEN = '@token@'  # in the table, until it is known
 SOURCES = ('instance.c', 'instance.h', 'fmi2.c', 'fmi3.c')
 
 
@@ -41,8 +44,11 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
         duration: Of its default experiment [s].
 
     Raises:
-        InputError: there is no gcc, or a kernel makes arrays.
+        InputError: there is no gcc, the system is another one, or a kernel makes arrays.
     """
+    system = f'{platform.system()} {platform.machine()}'
+    if system != SYSTEM:
+        raise InputError(f'an FMU is made of the code of this process: on {SYSTEM}, not {system}')
     if shutil.which(COMPILER) is None:
         raise InputError(f'{COMPILER} is missing: it links the FMU; install it')
     native = native_object(contents.entries, contents.root)
@@ -63,9 +69,6 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
         for path, content in parts.items():
             archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
     return packed.getvalue()
-
-
-TOKEN = '@token@'
 
 
 def identifier(text: str) -> str:
