@@ -64,6 +64,7 @@ setup(
         'parallel_robot_model',
         'parallel_robot_model.common',
         'parallel_robot_model.compiler',
+        'parallel_robot_model.compiler.elementary',
         'parallel_robot_model.configuration',
         'parallel_robot_model.mechanisms',
         'parallel_robot_model.mechanisms.description',

@@ -21,6 +21,7 @@ Out of Python
 from parallel_robot_model.compiler.array_copies import arrays_of, vectors_of
 from parallel_robot_model.compiler.boxed import ANY, Boxed
 from parallel_robot_model.compiler.compile_error import reason
+from parallel_robot_model.compiler.elementary import names as _names  # noqa: F401 registers them
 from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
 from parallel_robot_model.compiler.kernels import (

@@ -64,6 +64,11 @@ def inner(function: Function) -> Function:
     return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
+def merged(function: Function) -> Function:
+    """Compile a small function that becomes a part of the machine code of kernels that call it."""
+    return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
+
+
 def _cached(function: Function, **options: bool) -> Function:
     if INTERPRETED:
         return _as_it_is(function)

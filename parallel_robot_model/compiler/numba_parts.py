@@ -51,11 +51,14 @@ from numba.core.typing.templates import (
 # How a function by address lies in memory, for a type that is told apart by its arguments.
 from numba.experimental.function_type import FunctionModel
 
+# What kernels run for a function of numpy, by the types of its arguments.
+from numba.np.ufunc_db import get_ufunc_info as loops_of
+
 __all__ = [
     'AttributeTemplate', 'CPUDispatcher', 'CachedDispatcher', 'CompileResultCacheImpl',
     'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
     'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed',
-    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'lower_builtin',
+    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'loops_of', 'lower_builtin',
     'lower_getattr_generic', 'rtsys',
 ]  # fmt: skip
 

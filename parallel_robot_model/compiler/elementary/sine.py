@@ -1,0 +1,215 @@
+"""Sine, cosine and tangent."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from parallel_robot_model.compiler.elementary import constants
+from parallel_robot_model.compiler.elementary.float_bits import (
+    BIAS,
+    FRACTION,
+    SHIFT,
+    bits_of,
+    exact_product,
+    exact_sum,
+    power_of_two,
+    quotient,
+)
+from parallel_robot_model.compiler.kernels import inner, merged
+
+PER_QUADRANT = constants.rounded(constants.TWO_BY_PI[1], 28) + sum(
+    constants.rounded(digit, 28 * k) for k, digit in enumerate(constants.TWO_BY_PI[2:4], 2)
+)  # 2/pi
+FIRST, REST = constants.parts(*constants.HALF_PI, 33)  # of pi/2
+_, SECOND, THIRD, LAST = constants.parts(*constants.HALF_PI, 33, 66, 99)
+HALF_PI, HALF_PI_REST = constants.double(*constants.HALF_PI)
+LARGE = 2.0**20  # from here on the number of quadrants has more digits than FIRST leaves
+NEAR = 2.0**-26  # of the number of quadrants; nearer to one of them REST has too few digits
+TINY = 2.0**-27  # sin x = x
+DIGITS = np.array(constants.TWO_BY_PI)
+PER_DIGIT, MASK = constants.PER_DIGIT, (1 << constants.PER_DIGIT) - 1
+
+
+@merged
+def sin(x: float) -> float:
+    """Sine of an angle [rad], with an error of less than 1 unit in the last place.
+
+    The angle less the nearest multiple of pi/2, in two floats, goes into polynomials of sine and
+    cosine. There is no branch before the result of usual angles, so that a compiler finds what
+    sine and cosine of one angle have in common.
+
+    Source:
+        Cody, Waite (1980), Software manual for the elementary functions, for the reduction, and
+        fdlibm (Ng 1993) for the polynomials with a correction. The coefficients interpolate the
+        functions at Chebyshev's points, up to 1.0005 pi/4.
+    """
+    quadrant, high, low, sure = _reduced(x)
+    value = _turned(quadrant, high, low)
+    if not sure:
+        value = _hard_sine(x, 0)
+    return value
+
+
+@merged
+def cos(x: float) -> float:
+    """Cosine of an angle [rad], as :func:`sin`."""
+    quadrant, high, low, sure = _reduced(x)
+    value = _turned(quadrant + 1, high, low)
+    if not sure:
+        value = _hard_sine(x, 1)
+    return value
+
+
+@inner
+def tan(x: float) -> float:
+    """Tangent of an angle [rad], 2 t / (1 - t^2) by that of half the angle, each with a rest."""
+    if abs(x) < TINY:
+        return x
+    quadrant, high, low, sure = _reduced(x)
+    if not sure:
+        quadrant, high, low = _hard(x)
+    over, rest = exact_sum(*_sine(0.5 * high, 0.5 * low))
+    below, more = exact_sum(*_cosine(0.5 * high, 0.5 * low))
+    half, of_half = quotient(over, rest, below, more)
+    square, error = exact_product(half, half)
+    below, more = exact_sum(1.0, -square)
+    more -= error + 2.0 * half * of_half
+    over, rest = 2.0 * half, 2.0 * of_half
+    if quadrant & 1:
+        over, rest, below, more = below, more, -over, -rest
+    value, error = quotient(over, rest, below, more)
+    return value + error
+
+
+@merged
+def _turned(quadrant: int, high: float, low: float) -> float:
+    """Sine of an angle high + low in a quadrant."""
+    sine, cosine = _sine(high, low), _cosine(high, low)
+    one = high if abs(high) < TINY else sine[0] + sine[1]
+    value = cosine[0] + cosine[1] if quadrant & 1 else one
+    return -value if quadrant & 2 else value
+
+
+@merged
+def _sine(x: float, rest: float) -> tuple[float, float]:
+    """Sine of x + rest, |x| <= pi/4, as a sum."""
+    z = x * x
+    w = z * z
+    p = (
+        (-0.16666666666666666 + z * 0.008333333333333331)
+        + w * (-0.0001984126984126504 + z * 2.7557319219320575e-06)
+        + (w * w)
+        * (
+            (-2.5052106225992787e-08 + z * 1.6058530596390244e-10)
+            + w * -7.586636867766497e-13
+        )
+    )
+    return x, (x * z) * p + rest * (1.0 - 0.5 * z)
+
+
+@merged
+def _cosine(x: float, rest: float) -> tuple[float, float]:
+    """Cosine of x + rest, |x| <= pi/4, as a sum."""
+    z = x * x
+    w = z * z
+    p = (
+        (0.041666666666666664 + z * -0.0013888888888887389)
+        + w * (2.48015872987544e-05 + z * -2.7557317265876615e-07)
+        + (w * w) * (2.087614504910828e-09 + z * -1.1382544623404267e-11)
+    )
+    half = 0.5 * z
+    value = 1.0 - half
+    return value, ((1.0 - value) - half) + (w * p - x * rest)
+
+
+@merged
+def _reduced(x: float) -> tuple[int, float, float, bool]:
+    """Quadrant, and what is left of an angle in two floats; whether they are right."""
+    shifted = x * PER_QUADRANT + SHIFT
+    n = shifted - SHIFT
+    first = x - n * FIRST
+    rest = n * REST
+    high = first - rest
+    low = (first - high) - rest
+    sure = (abs(x) < LARGE) & (abs(high) >= abs(n) * NEAR)
+    return bits_of(shifted), high, low, sure
+
+
+@inner
+def _hard_sine(x: float, turn: int) -> float:
+    """Sine of an angle and so many quadrants."""
+    quadrant, high, low = _hard(x)
+    return _turned(quadrant + turn, high, low)
+
+
+@inner
+def _hard(x: float) -> tuple[int, float, float]:
+    """Quadrant, and what is left of an angle in two floats, near a multiple of pi/2 or large."""
+    if not abs(x) < math.inf:
+        return 0, math.nan, math.nan
+    if abs(x) >= LARGE:
+        return _far(x)
+    shifted = x * PER_QUADRANT + SHIFT
+    n = shifted - SHIFT
+    left, error = exact_sum(x - n * FIRST, -n * SECOND)
+    left, more = exact_sum(left, -n * THIRD)
+    rest = (error + more) - n * LAST
+    high = left + rest
+    return bits_of(shifted), high, (left - high) + rest
+
+
+@inner
+def _far(x: float) -> tuple[int, float, float]:
+    """Quadrant, and what is left of a large angle in two floats.
+
+    Of the product with 2/pi only the digits are computed that change the place in a turn.
+
+    Source:
+        Payne, Hanek (1983), Radian reduction for trigonometric functions, ACM SIGNUM 18(1).
+    """
+    bits = bits_of(abs(x))
+    exponent = (bits >> FRACTION) - (BIAS + FRACTION)
+    whole = (bits & ((1 << FRACTION) - 1)) | (1 << FRACTION)
+    upper, lower = whole >> PER_DIGIT, whole & MASK
+    # The product is the sum of digit_j 2^(exponent - 28 j); those before `begin` are whole turns.
+    begin = max(0, (exponent + PER_DIGIT - 1) // PER_DIGIT)
+    above = 0
+    if begin:
+        above = lower * DIGITS[begin - 1] + upper * DIGITS[begin]
+    carry = 0
+    seventh, carry = _digit(upper, lower, begin + 7, carry)
+    sixth, carry = _digit(upper, lower, begin + 6, carry)
+    fifth, carry = _digit(upper, lower, begin + 5, carry)
+    fourth, carry = _digit(upper, lower, begin + 4, carry)
+    third, carry = _digit(upper, lower, begin + 3, carry)
+    second, carry = _digit(upper, lower, begin + 2, carry)
+    first, carry = _digit(upper, lower, begin + 1, carry)
+    top = carry + lower * DIGITS[begin] + upper * DIGITS[begin + 1]
+    top += (above & 3) << PER_DIGIT
+    places = PER_DIGIT * begin - exponent  # of `top` behind the point, 0 to 32
+    quadrant = top >> places
+    unit = power_of_two(-places)
+    high, low = float(top & ((1 << places) - 1)) * unit, 0.0
+    if high + first * unit * 2.0**-28 >= 0.5:
+        quadrant += 1
+        high -= 1.0
+    for digit in (first, second, third, fourth, fifth, sixth, seventh):
+        unit *= 2.0**-28
+        high, error = exact_sum(high, digit * unit)
+        low += error
+    high, low = exact_sum(high, low)
+    angle, rest = exact_product(high, HALF_PI)
+    rest += high * HALF_PI_REST + low * HALF_PI
+    angle, rest = exact_sum(angle, rest)
+    if x < 0.0:
+        return -quadrant, -angle, -rest
+    return quadrant, angle, rest
+
+
+@merged
+def _digit(upper: int, lower: int, k: int, carry: int) -> tuple[int, int]:
+    """Digit `k` of the product with 2/pi, and what goes on to the next one."""
+    total = carry + lower * DIGITS[k] + upper * DIGITS[k + 1]
+    return total & MASK, total >> PER_DIGIT
