@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import vector
+from parallel_robot_model.compiler import solve_full, vector
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.poses import rates_of
 from parallel_robot_model.robots.registry import RobotModel
@@ -47,7 +47,7 @@ def in_pose(robot: RobotModel, joints: Spline, near: Sequence[float]) -> Spline:
     knots = np.repeat(joints.knots[:-1], parts) + shares * np.repeat(steps, parts)
     knots = np.append(knots, joints.knots[-1])
     motions = _followed(robot, joints, knots - knots[0], near)
-    return Spline(knots, _hermite(np.diff(knots), motions), joints.periodic)
+    return Spline(knots, hermite(np.diff(knots), motions), joints.periodic)
 
 
 def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[float]) -> Array:
@@ -70,21 +70,27 @@ def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[fl
         pose = located.pose
         # The joints follow the pose: qd = G v and qdd = G a + h(v).
         jacobian = rates_of(joint_motion, constants, pose)
-        velocity = np.linalg.solve(jacobian, rate)
+        velocity = solve_full(jacobian, rate)
         carried = joint_motion(constants, PoseMotion(pose, vector(velocity), zero)).acceleration
-        motions[k] = pose, velocity, np.linalg.solve(jacobian, acceleration - np.asarray(carried))
+        motions[k] = pose, velocity, solve_full(jacobian, acceleration - np.asarray(carried))
     return motions
 
 
-def _hermite(steps: Array, motions: Array) -> Array:
-    """Coefficients of the powers 5 to 0 between neighbours, shape (K, 6, m)."""
+def hermite(steps: Array, motions: Array) -> Array:
+    """Coefficients of the powers 5 to 0 of the time between neighbours, shape (K, 6, m).
+
+    Args:
+        steps: Times from each to the next [s], shape (K,).
+        motions: Pose, rate and acceleration, shape (K + 1, 3, m).
+    """
     h = steps[:, np.newaxis]
     (p, v, a), (q, w, b) = motions[:-1].swapaxes(0, 1), motions[1:].swapaxes(0, 1)
     # What is missing at the end of a piece of degree 2, in units of the step.
-    miss = q - p - h * v - 0.5 * h**2 * a
+    miss = q - p - h * v - 0.5 * (h * h) * a
     slope = h * (w - v - h * a)
-    bend = h**2 * (b - a)
+    bend = (h * h) * (b - a)
     c3 = 10.0 * miss - 4.0 * slope + 0.5 * bend
     c4 = -15.0 * miss + 7.0 * slope - bend
     c5 = 6.0 * miss - 3.0 * slope + 0.5 * bend
-    return np.stack([c5 / h**5, c4 / h**4, c3 / h**3, 0.5 * a, v, p], axis=1)
+    cube = h * h * h  # a product: powers of numpy are other bits on another processor
+    return np.stack([c5 / (cube * h * h), c4 / (cube * h), c3 / cube, 0.5 * a, v, p], axis=1)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
 
+from parallel_robot_model.compiler import cosine, sine
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.trajectory import Reference
@@ -20,10 +20,8 @@ def pose_fields(robot: RobotModel, poses: np.ndarray) -> dict[str, Any]:
         names = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
         return dict(zip(names, (*poses[:, :3].T, *turned.T), strict=True))
     angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
-    # math, not numpy: its result does not depend on the position of a number in an array
-    sine = [math.sin(0.5 * phi) for phi in angle]
-    cosine = [math.cos(0.5 * phi) for phi in angle]
-    return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine, 'qw': cosine}
+    half = 0.5 * angle
+    return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine(half), 'qw': cosine(half)}
 
 
 def pose_messages(robot: RobotModel, stamps: Any, poses: np.ndarray) -> np.ndarray:

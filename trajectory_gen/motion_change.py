@@ -6,7 +6,7 @@ import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from trajectory_gen import preflight, waypoints
+from trajectory_gen import joint_path, preflight, waypoints
 from trajectory_gen.configuration import Motions
 from trajectory_gen.course import Course, Part
 from trajectory_gen.motion_message import Points
@@ -85,27 +85,20 @@ def _spline(state: Reference, points: Points) -> waypoints.Spline:
     Raises:
         InputError: the points are too uneven.
     """
-    from scipy import interpolate  # which takes long to load
-
-    from trajectory_gen import spline
-
     times = np.concatenate([[0.0], points.times])
     pose = np.concatenate([state.pose, points.pose])
     if points.rate is None or points.acceleration is None:
-        still = np.zeros(pose.shape[1])
-        ends = (
-            [(1, state.pose_rate[0]), (2, state.pose_acceleration[0])],
-            [(1, still), (2, still)],
-        )
-        made = interpolate.make_interp_spline(times, pose, 5, bc_type=ends)
+        from trajectory_gen import spline  # it loads scipy, which takes long
+
+        start = state.pose_rate[0], state.pose_acceleration[0]
+        made = spline.fit(times, pose, periodic=False, smoothing=0.0, start=start)
+        offset = np.abs(made(times) - pose).max()
+        if not offset <= waypoints.RESIDUAL * np.abs(pose).max():
+            raise InputError('the times of the points are too uneven; leave some out')
         coefficients = spline.polynomials(made, times)
     else:
         rate = np.concatenate([state.pose_rate, points.rate])
         acceleration = np.concatenate([state.pose_acceleration, points.acceleration])
-        rows = np.stack([pose, rate, acceleration], axis=1)
-        made = interpolate.BPoly.from_derivatives(times, rows)
-        coefficients = interpolate.PPoly.from_bernstein_basis(made).c.transpose(1, 0, 2)
-    offset = np.abs(made(times) - pose).max()
-    if not offset <= waypoints.RESIDUAL * np.abs(pose).max():
-        raise InputError('the times of the points are too uneven; leave some out')
+        motions = np.stack([pose, rate, acceleration], axis=1)
+        coefficients = joint_path.hermite(np.diff(times), motions)
     return waypoints.Spline(times, np.ascontiguousarray(coefficients), False)

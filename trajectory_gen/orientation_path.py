@@ -6,11 +6,12 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.mechanisms import quaternions
 from parallel_robot_model.robots.registry import RobotModel
+from trajectory_gen.plane import length_of
 
 KEY = 'waypoints.space'
 AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')
@@ -43,10 +44,11 @@ def as_poses(robot: RobotModel, numbers: Sequence[float]) -> tuple[float, ...]:
         what = f'x, y, z and a quaternion for each point, not {len(numbers)} numbers'
         raise InputError(f'waypoints.points must hold {what}', 'waypoints.points')
     points = np.reshape(numbers, (-1, NUMBERS))
-    if not np.linalg.norm(points[:, 3:], axis=1).all():
+    if not points[:, 3:].any(axis=1).all():
         raise InputError('a quaternion in waypoints.points is zero', 'waypoints.points')
-    home = Rotation.from_quat(orientations(robot.parameters, np.zeros((1, len(AXES))))[0])
-    turned = (Rotation.from_quat(points[:, 3:]) * home.inv()).as_rotvec()
+    home = orientations(robot.parameters, np.zeros((1, len(AXES))))
+    back = home * np.array([-1.0, -1.0, -1.0, 1.0])
+    turned = quaternions.vectors_of(quaternions.product(points[:, 3:], back))
     return tuple(np.hstack([points[:, :3], continuous(turned)]).ravel().tolist())
 
 
@@ -55,9 +57,9 @@ def continuous(vectors: Array) -> Array:
     made = vectors.copy()
     for k in range(1, len(made)):
         before, now = made[k - 1], vectors[k]
-        angle = float(np.linalg.norm(now))
+        angle = length_of(now)
         # Near no rotation, the axis is that of the vector before.
-        axis = now / angle if angle > 1e-9 else before / max(float(np.linalg.norm(before)), 1e-9)
+        axis = now / angle if angle > 1e-9 else before / max(length_of(before), 1e-9)
         turns = round((float(before @ axis) - angle) / (2.0 * math.pi))
         made[k] = now + 2.0 * math.pi * turns * axis
     return made

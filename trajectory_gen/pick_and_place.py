@@ -11,7 +11,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.plane import SPACE, way_between
+from trajectory_gen.plane import SPACE, length_of, way_between
 from trajectory_gen.time_law import quintic
 
 
@@ -56,14 +56,14 @@ def prepare(parameters: Parameters) -> Way:
     start, way = way_between('pick_and_place', ('pick', 'place'), pick, place, phi)
     size = min(len(pick), SPACE)
     axis = np.array(direction or np.eye(size)[-1])
-    if len(axis) != size or not np.linalg.norm(axis) > 0.0:
+    if len(axis) != size or not length_of(axis) > 0.0:
         what = f'must be [] or {size} numbers, not all zero, not {list(direction)}'
         raise InputError(f'pick_and_place.direction {what}', 'pick_and_place.direction')
     if 2.0 * rise > duration:
         what = f'must be at most half of the duration, {0.5 * duration:g} s, not {rise:g}'
         raise InputError(f'pick_and_place.rise {what}', 'pick_and_place.rise')
     lift = np.zeros_like(start)
-    lift[:size] = height * axis / np.linalg.norm(axis)
+    lift[:size] = height * axis / length_of(axis)
     return Way(start, way, lift, duration, rise, dwell)
 
 

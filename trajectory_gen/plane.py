@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import kernel
+from parallel_robot_model.compiler import cosine, dot, kernel, sine, vector
 from parallel_robot_model.robots.contract import PoseMotion
 
 Vector = tuple[float, float]
 SPACE = 3  # coordinates of a place in space, with which a pose of three or more begins
+
+
+def length_of(way: Sequence[float] | Array) -> float:
+    """Length of a way; that of numpy is other bits on another processor."""
+    return math.sqrt(dot(vector(way), vector(way)))
 
 
 class Plane(NamedTuple):
@@ -44,21 +50,21 @@ def plane_of(
     Raises:
         InputError: the centre is a single number, or the normal is zero.
     """
-    c, s = math.cos(angle), math.sin(angle)
+    c, s = cosine(angle), sine(angle)
     if len(center) == len('xy'):
         origin = np.array([*center, phi])
         return Plane(origin, np.array([c, s, 0.0]), np.array([-s, c, 0.0]))
     if len(center) < SPACE:
         what = f'{key} must be [x, y], or a pose that begins with x, y, z, not {list(center)}'
         raise InputError(what, key)
-    length = float(np.linalg.norm(normal))
+    length = length_of(normal)
     if not length > 0.0:
         named = f'{key.partition(".")[0]}.normal'
         raise InputError(f'{named} must have a direction, not {list(normal)}', named)
     n = np.array(normal) / length
     x = np.eye(SPACE)[int(abs(n[0]) > math.cos(math.pi / 6.0))]  # not along the normal
-    u = x - (x @ n) * n
-    u /= np.linalg.norm(u)
+    u = x - dot(vector(x), vector(n)) * n
+    u /= length_of(u)
     v = np.cross(n, u)
     first, second = np.zeros((2, len(center)))
     first[:SPACE], second[:SPACE] = c * u + s * v, c * v - s * u

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
-from scipy.sparse.linalg import spsolve
 
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import solve_sparse
 
 DEGREE = 5  # of a motion of least mean square jerk between points
 ENDS = 3  # coefficients at each end that position, zero rate and zero acceleration fix
 
 
-def fit(times: Array, points: Array, periodic: bool, smoothing: float) -> BSpline:
+def fit(
+    times: Array,
+    points: Array,
+    periodic: bool,
+    smoothing: float,
+    start: tuple[Array, Array] | None = None,
+) -> BSpline:
     """The spline f that minimises integral |f - p|^2 + smoothing^6 integral |f'''|^2.
 
     The first integral is a sum over the points, each with its share of the time; without
@@ -30,6 +35,7 @@ def fit(times: Array, points: Array, periodic: bool, smoothing: float) -> BSplin
         points: The points p, shape (N, m); if periodic, the last equals the first.
         periodic: Whether f repeats itself; else it is at rest at both ends, in the end points.
         smoothing: Time constant [s].
+        start: Rate and acceleration of the first point, where it is not at rest.
 
     Source:
         Flash, Hogan (1985), The coordination of arm movements, J. Neuroscience 5(7), for least
@@ -52,6 +58,10 @@ def fit(times: Array, points: Array, periodic: bool, smoothing: float) -> BSplin
         free = sparse.eye(count + DEGREE, format='csr')[:, ENDS:-ENDS]
         fixed = np.zeros((count + DEGREE, points.shape[1]))
         fixed[:ENDS], fixed[-ENDS:] = points[0], points[-1]
+        if start:  # coefficients of the first derivative are rate and change
+            change = start[0] + start[1] * steps[0] / (DEGREE - 1)
+            fixed[1] += start[0] * steps[0] / DEGREE
+            fixed[2] = fixed[1] + change * (knots[DEGREE + 2] - knots[2]) / DEGREE
         inner, share = slice(1, count), 0.5 * (steps[1:] + steps[:-1])
     if not free.shape[1]:  # two points: the ends say all
         return BSpline(knots, fixed, DEGREE)
@@ -59,21 +69,36 @@ def fit(times: Array, points: Array, periodic: bool, smoothing: float) -> BSplin
     values = BSpline.design_matrix(times[inner], knots, DEGREE)
     matrix, right = values @ free, points[inner] - values @ fixed
     if smoothing:
+        cubed = smoothing * smoothing * smoothing
         jerk = _jerk(knots, times)
         weight = sparse.diags(share)
-        right = matrix.T @ (weight @ right) - smoothing**6 * (free.T @ (jerk.T @ (jerk @ fixed)))
+        right = matrix.T @ (weight @ right) - cubed * cubed * (free.T @ (jerk.T @ (jerk @ fixed)))
         rough = jerk @ free
-        matrix = matrix.T @ weight @ matrix + smoothing**6 * (rough.T @ rough)
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore')  # a singular matrix gives NaN
-        solved = spsolve(sparse.csc_array(matrix), right)
-    return BSpline(knots, free @ solved.reshape(right.shape) + fixed, DEGREE)
+        matrix = matrix.T @ weight @ matrix + cubed * cubed * (rough.T @ rough)
+    return BSpline(knots, free @ _solved(matrix, right, periodic) + fixed, DEGREE)
 
 
 def polynomials(spline: BSpline, times: Array) -> Array:
     """Coefficients of the powers 5 to 0 of the time since each but the last, shape (K, 6, m)."""
     powers = range(DEGREE, -1, -1)
     return np.stack([spline(times[:-1], nu=k) / math.factorial(k) for k in powers], axis=1)
+
+
+def _solved(matrix: Any, right: Array, periodic: bool) -> Array:
+    """Solution of sparse equations, the same bits on every processor; NaN if there is none.
+
+    The unknowns of a periodic motion are neighbours across its end, too: taken from both ends in
+    turn, they lie near the diagonal.
+    """
+    n = len(right)
+    order = np.arange(n)
+    if periodic:
+        order = np.stack([order, order[::-1]], axis=1).ravel()[:n]
+    place = np.argsort(order)
+    found = sparse.coo_array(matrix)
+    found.sum_duplicates()
+    solved = solve_sparse(place[found.row], place[found.col], found.data, right[order])
+    return solved[place]
 
 
 def _jerk(knots: Array, times: Array) -> Any:
@@ -86,7 +111,9 @@ def _jerk(knots: Array, times: Array) -> Any:
         slope = degree / (inner[degree + 1 : degree + 1 + rows] - inner[1 : 1 + rows])
         step = sparse.diags([-slope, slope], offsets=[0, 1], shape=(rows, rows + 1))
         derivative = step @ derivative
-    nodes, weights = np.polynomial.legendre.leggauss(3)  # exact for a square of degree 4
+    # Gauss and Legendre with three nodes: exact for a square of degree 4.
+    nodes = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
+    weights = np.array([5.0, 8.0, 5.0]) / 9.0
     steps = np.diff(times)[:, np.newaxis]
     places = (times[:-1, np.newaxis] + 0.5 * steps * (1.0 + nodes)).ravel()
     basis = BSpline.design_matrix(places, knots[3:-3], DEGREE - 3)

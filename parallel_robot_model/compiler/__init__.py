@@ -16,12 +16,16 @@ Loops
 Out of Python
     ``native_object`` makes an object file of kernels and of the boxed tuple that they take, with
     an ``Image`` of its memory; ``leaves`` are the numbers in a tuple, and where they lie.
+Python
+    ``sine``, ``cosine``, ``arctangent``, ``solve_full`` and ``solve_sparse`` are for numbers that
+    reach a bag: numpy and scipy choose their code by the processor.
 """
 
 from parallel_robot_model.compiler.array_copies import arrays_of, vectors_of
+from parallel_robot_model.compiler.banded import solve_full, solve_sparse
 from parallel_robot_model.compiler.boxed import ANY, Boxed
 from parallel_robot_model.compiler.compile_error import reason
-from parallel_robot_model.compiler.elementary import names as _names  # noqa: F401 registers them
+from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
 from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
 from parallel_robot_model.compiler.kernels import (
@@ -51,9 +55,10 @@ from parallel_robot_model.compiler.vector_types import (
 
 __all__ = [
     'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'KeptValue', 'Leaf', 'NativeObject',
-    'Space', 'Vector', 'VectorType', 'arrays_of', 'as_arrays', 'as_vectors', 'begin', 'clip',
-    'composed', 'cross', 'dot', 'entry_point', 'every', 'inlined', 'inner', 'keep', 'kernel',
-    'leaves', 'multiply', 'native_object', 'need_compiler', 'plain_type', 'present', 'propose',
-    'read_at', 'read_row', 'reason', 'select', 'shape_of', 'solve', 'some', 'vector', 'vectors_of',
-    'write_at', 'write_row',
+    'Space', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
+    'begin', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined',
+    'inner', 'keep', 'kernel', 'leaves', 'multiply', 'native_object', 'need_compiler',
+    'plain_type', 'present', 'propose', 'read_at', 'read_row', 'reason', 'select', 'shape_of',
+    'sine', 'solve', 'solve_full', 'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at',
+    'write_row',
 ]  # fmt: skip

@@ -21,9 +21,7 @@ def _series(first: int, ratio: int, bits: int) -> int:
 def _pi() -> int:
     """pi 2^DIGITS, by Machin (1706): pi/4 = 4 arctan(1/5) - arctan(1/239)."""
     bits = DIGITS + 32
-    fifth, small = (
-        _series((1 << bits) // n, -((1 << bits) // (n * n)), bits) for n in (5, 239)
-    )
+    fifth, small = (_series((1 << bits) // n, -((1 << bits) // (n * n)), bits) for n in (5, 239))
     return (16 * fifth - 4 * small) >> 32
 
 

@@ -31,18 +31,24 @@ def exp(x: float) -> float:
         Cody, Waite (1980), Software manual for the elementary functions. The coefficients
         interpolate the function at Chebyshev's points, up to 1.001 log(2) / 2.
     """
-    return exponential(x, 0.0)
+    return limited_exponential(x, 0.0)
 
 
 @merged
-def exponential(x: float, rest: float) -> float:
-    """e^(x + rest), |rest| < 2^-40."""
+def limited_exponential(x: float, rest: float) -> float:
+    """e^(x + rest) of any x, |rest| < 2^-40."""
     if x != x:
         return x
     if x > OVERFLOW:
         return math.inf
     if x < UNDERFLOW:
         return 0.0
+    return exponential(x, rest)
+
+
+@merged
+def exponential(x: float, rest: float) -> float:
+    """e^(x + rest) of an x for which that is neither 0 nor infinite."""
     k, high, low = _reduced(x, rest)
     value = 1.0 + high
     value += ((1.0 - value) + high) + low

@@ -11,8 +11,8 @@ from parallel_robot_model.compiler.elementary.exponential import (
     LN_2,
     LN_2_REST,
     OVERFLOW,
-    UNDERFLOW,
     exponential,
+    limited_exponential,
 )
 from parallel_robot_model.compiler.elementary.float_bits import (
     FRACTION,
@@ -28,6 +28,7 @@ LEAST = bits_of(0.704)  # least mantissa: to twice that
 NORMAL, RAISED = 2.0**-1022, 54  # numbers below are made larger by 2^54
 RAISE = 2.0**RAISED
 UPPER = -(1 << 21)  # bits of a float that leave it 32 digits
+LARGEST = 2.0**66  # exponents from here on: only the power of 1 is neither 0 nor infinite
 PLACES = 40  # of the first part of logarithms
 
 
@@ -59,7 +60,7 @@ def log(x: float) -> float:
         if x == 0.0:
             return -math.inf
         return x if x > 0.0 else math.nan
-    return _logarithm(x)[0]
+    return _any_logarithm(x)[0]
 
 
 @inner
@@ -68,46 +69,46 @@ def power(x: float, y: float) -> float:
 
     Special values are those of IEEE 754.
     """
+    if NORMAL <= x < math.inf and abs(y) < LARGEST:
+        high, low = _logarithm(x, 0)
+        product, error = exact_product(y, high)
+        if abs(product) < OVERFLOW - 1.0:
+            return exponential(product, error + y * low)
+    return _special_power(x, y)
+
+
+@inner
+def _special_power(x: float, y: float) -> float:
+    """x^y of any two numbers."""
     if y == 0.0 or x == 1.0:
         return 1.0
     if x != x or y != y:
         return math.nan
     size = abs(x)
-    if abs(y) == math.inf:
-        if size == 1.0:
-            return 1.0
-        return math.inf if (size > 1.0) == (y > 0.0) else 0.0
     whole = np.floor(y) == y
-    odd = whole and np.floor(0.5 * y) != 0.5 * y
-    negative = odd and math.copysign(1.0, x) < 0.0
-    if size == 0.0 or size == math.inf:
-        value = math.inf if (size > 1.0) == (y > 0.0) else 0.0
-        return -value if negative else value
-    if x < 0.0 and not whole:
-        return math.nan
-    high, low = _logarithm(size)
-    about = y * high
+    negative = math.copysign(1.0, x) < 0.0 and whole and np.floor(0.5 * y) != 0.5 * y
     if size == 1.0:
         value = 1.0
-    elif about > OVERFLOW + 1.0:
-        value = math.inf
-    elif about < UNDERFLOW - 1.0:
-        value = 0.0
+    elif size == 0.0 or size == math.inf or abs(y) >= LARGEST:
+        value = math.inf if (size > 1.0) == (y > 0.0) else 0.0
     else:
+        high, low = _any_logarithm(size)
         product, error = exact_product(y, high)
-        rest = error + y * low
-        total = product + rest
-        value = exponential(total, (product - total) + rest)
+        value = limited_exponential(product, error + y * low)
+    if x < 0.0 and not whole and size < math.inf:
+        return math.nan
     return -value if negative else value
 
 
 @merged
-def _logarithm(x: float) -> tuple[float, float]:
+def _any_logarithm(x: float) -> tuple[float, float]:
     """Natural logarithm of a positive number as a sum."""
-    shift = 0
-    if x < NORMAL:
-        x *= RAISE
-        shift = RAISED
+    return _logarithm(x * RAISE, RAISED) if x < NORMAL else _logarithm(x, 0)
+
+
+@merged
+def _logarithm(x: float, shift: int) -> tuple[float, float]:
+    """Natural logarithm of x / 2^shift as a sum, x >= NORMAL."""
     bits = bits_of(x)
     k = (bits - LEAST) >> FRACTION
     mantissa = float_of(bits - (k << FRACTION))
@@ -123,8 +124,7 @@ def _logarithm(x: float) -> tuple[float, float]:
     p = (
         (0.3333333333333333 + r * -0.2500000000001592)
         + z * (0.20000000000014476 + r * -0.16666666144953557)
-        + (z * z)
-        * ((0.14285713811427228 + r * -0.12504273547730665) + z * 0.11114996169705095)
+        + (z * z) * ((0.14285713811427228 + r * -0.12504273547730665) + z * 0.11114996169705095)
     )
     n = float(k - shift)
     value, first = exact_sum(n * LN_2 + LOGARITHM[j, 0], r)

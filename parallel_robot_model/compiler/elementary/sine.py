@@ -22,11 +22,11 @@ from parallel_robot_model.compiler.kernels import inner, merged
 PER_QUADRANT = constants.rounded(constants.TWO_BY_PI[1], 28) + sum(
     constants.rounded(digit, 28 * k) for k, digit in enumerate(constants.TWO_BY_PI[2:4], 2)
 )  # 2/pi
-FIRST, REST = constants.parts(*constants.HALF_PI, 33)  # of pi/2
-_, SECOND, THIRD, LAST = constants.parts(*constants.HALF_PI, 33, 66, 99)
+FIRST, SECOND, REST = constants.parts(*constants.HALF_PI, 33, 66)  # of pi/2
+*_, THIRD, LAST = constants.parts(*constants.HALF_PI, 33, 66, 99)
 HALF_PI, HALF_PI_REST = constants.double(*constants.HALF_PI)
 LARGE = 2.0**20  # from here on the number of quadrants has more digits than FIRST leaves
-NEAR = 2.0**-26  # of the number of quadrants; nearer to one of them REST has too few digits
+NEAR = 2.0**-58  # of the number of quadrants; nearer to one of them REST has too few digits
 TINY = 2.0**-27  # sin x = x
 DIGITS = np.array(constants.TWO_BY_PI)
 PER_DIGIT, MASK = constants.PER_DIGIT, (1 << constants.PER_DIGIT) - 1
@@ -101,10 +101,7 @@ def _sine(x: float, rest: float) -> tuple[float, float]:
         (-0.16666666666666666 + z * 0.008333333333333331)
         + w * (-0.0001984126984126504 + z * 2.7557319219320575e-06)
         + (w * w)
-        * (
-            (-2.5052106225992787e-08 + z * 1.6058530596390244e-10)
-            + w * -7.586636867766497e-13
-        )
+        * ((-2.5052106225992787e-08 + z * 1.6058530596390244e-10) + w * -7.586636867766497e-13)
     )
     return x, (x * z) * p + rest * (1.0 - 0.5 * z)
 
@@ -129,10 +126,10 @@ def _reduced(x: float) -> tuple[int, float, float, bool]:
     """Quadrant, and what is left of an angle in two floats; whether they are right."""
     shifted = x * PER_QUADRANT + SHIFT
     n = shifted - SHIFT
-    first = x - n * FIRST
-    rest = n * REST
-    high = first - rest
-    low = (first - high) - rest
+    left, error = exact_sum(x - n * FIRST, -n * SECOND)
+    rest = error - n * REST
+    high = left + rest
+    low = (left - high) + rest
     sure = (abs(x) < LARGE) & (abs(high) >= abs(n) * NEAR)
     return bits_of(shifted), high, low, sure
 

@@ -7,13 +7,13 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
+from parallel_robot_model.mechanisms import quaternions
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
@@ -150,8 +150,8 @@ class DescribedRobot:
         for k, coordinate in enumerate(mechanism.coordinate):
             if coordinate >= 3:
                 vectors[:, coordinate - 3] = poses[:, k]
-        turned = Rotation.from_rotvec(vectors) * Rotation.from_matrix(mechanism.tool_home)
-        return np.asarray(turned.as_quat())
+        home = quaternions.of_matrix(mechanism.tool_home)
+        return quaternions.product(quaternions.of_vectors(vectors), home)
 
     def geometry(self, robot: Parameters) -> Geometry:
         """Where its joints lie."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import vector
+from parallel_robot_model.compiler import arctangent, cosine, sine, vector
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
 
 
@@ -63,7 +63,7 @@ def constants(robot: RobotParameters) -> Constants:
     angle = np.array(robot.platform_angle)
     x, y = base_x.mean() - base_x, base_y.mean() - base_y
     x[(x == 0.0) & (y == 0.0)] = 1.0
-    inward = np.arctan2(y, x)
+    inward = arctangent(y, x)
     return Constants(
         robot.l1,
         robot.l2,
@@ -78,10 +78,10 @@ def constants(robot: RobotParameters) -> Constants:
         robot.Ip,
         vector(base_x),
         vector(base_y),
-        vector(robot.l3 * np.cos(angle)),
-        vector(robot.l3 * np.sin(angle)),
-        vector(np.cos(inward)),
-        vector(np.sin(inward)),
+        vector(robot.l3 * cosine(angle)),
+        vector(robot.l3 * sine(angle)),
+        vector(cosine(inward)),
+        vector(sine(inward)),
         vector(inward),
         vector(robot.working_mode),
     )
