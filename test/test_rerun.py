@@ -205,10 +205,12 @@ def test_a_bag_of_another_version_and_a_difference(tmp_path, capsys, monkeypatch
 
 def test_a_bag_of_another_processor_says_so_and_how_much_it_differs(tmp_path, capsys, monkeypatch):
     bag = simulated(tmp_path / 'bag', '--set', 's_fotsmc.G=11')
-    monkeypatch.setattr(arithmetic, 'fingerprint', lambda: 'of another machine')
+    monkeypatch.setattr(arithmetic.platform, 'machine', lambda: 'another')
     assert main(['rerun', str(bag)]) == 0
     err = capsys.readouterr().err
-    assert err.startswith('warning: the bag is of another processor or libm (')
+    assert err.startswith('warning: the bag is of another kind of processor (')
+    old = arithmetic.doubt({'arithmetic': '85b3d972-3ebf942f', 'processor': 'theirs'})
+    assert old.startswith('the bag was computed with the libm of its machine') and 'theirs' in old
     other = simulated(tmp_path / 'other')
     capsys.readouterr()
     monkeypatch.setattr(rerun.simulate, 'record', lambda *_: 0)

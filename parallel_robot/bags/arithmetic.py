@@ -1,57 +1,41 @@
-"""How this machine computes: the last digits differ between processors and their libraries.
+"""How this machine computes, and what is said of a bag that was computed otherwise.
 
-The library of elementary functions (libm) and that of linear algebra (LAPACK) choose their code by
-the processor, so that equal programs give other last digits elsewhere.
+Kernels, and Python where its numbers reach a bag, use elementary functions and equations of the
+suite's own: their bits are the same on every x86-64. Earlier versions took those of the C library
+(libm) and of LAPACK, which choose their code by the processor.
 """
 
 from __future__ import annotations
 
-import functools
-import hashlib
-import math
 import platform
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
-
 from parallel_robot_model.common.printable import printable
 
-COUNT, SIZE = 1000, 24  # arguments of each function, equations
-LENGTH = 8  # characters of a hash
+OWN = 'own functions'
 
 
-@functools.cache
 def fingerprint() -> str:
-    """What tells machines apart that give other last digits: of libm, of LAPACK."""
-    arguments = [0.37 * k + 1e-3 * k * k for k in range(1, COUNT)]
-    functions = (math.sin, math.cos, math.tan, math.atan, math.tanh, math.log)
-    values = [function(x) for function in functions for x in arguments]
-    values += [math.exp(-0.01 * x) for x in arguments]
-    values += [math.pow(x, 0.67) for x in arguments]
-    values += [math.atan2(x, 1.0 + 0.3 * x * x) for x in arguments]
-    rows, columns = np.indices((SIZE, SIZE))
-    matrix = 3.0 * np.eye(SIZE) + (7 * rows * columns + 3 * rows + columns) % 11 / 11.0
-    solved = np.linalg.solve(matrix, 1.0 / (1.0 + np.arange(SIZE)))
-    return '-'.join(
-        hashlib.sha256(np.asarray(each).tobytes()).hexdigest()[:LENGTH]
-        for each in (values, solved)
-    )
+    """What tells machines apart that give other last digits."""
+    return f'{OWN}, {platform.machine()}'
 
 
 def doubt(facts: Mapping[str, str]) -> str:
-    """What is said of a bag whose last digits are not those of this machine; empty if they are.
+    """What is said of a bag whose last digits may not be those of this machine; empty if they are.
 
     Args:
         facts: What the bag says of its experiment; an older one does not say it.
     """
-    if facts.get('arithmetic', fingerprint()) == fingerprint():
+    said = facts.get('arithmetic', fingerprint())
+    if said == fingerprint():
         return ''
     theirs = ', '.join(printable(facts[key]) for key in ('processor', 'platform') if key in facts)
-    return (
-        f'the bag is of another processor or libm ({theirs}; here {processor()}, '
-        f'{platform.platform()}): last digits differ, and what follows from them'
-    )
+    here = f'{theirs}; here {processor()}, {platform.platform()}'
+    why = 'the bag is of another kind of processor'
+    if not said.startswith(OWN):
+        why = 'the bag was computed with the libm of its machine, now the functions are our own'
+    return f'{why} ({here}): last digits differ, and what follows from them'
 
 
 def processor() -> str:

@@ -49,7 +49,7 @@ def sin(x: float) -> float:
     value = _turned(quadrant, high, low)
     if not sure:
         value = _hard_sine(x, 0)
-    return value
+    return x if abs(x) < TINY else value
 
 
 @merged
@@ -87,8 +87,7 @@ def tan(x: float) -> float:
 def _turned(quadrant: int, high: float, low: float) -> float:
     """Sine of an angle high + low in a quadrant."""
     sine, cosine = _sine(high, low), _cosine(high, low)
-    one = high if abs(high) < TINY else sine[0] + sine[1]
-    value = cosine[0] + cosine[1] if quadrant & 1 else one
+    value = cosine[0] + cosine[1] if quadrant & 1 else sine[0] + sine[1]
     return -value if quadrant & 2 else value
 
 
