@@ -27,7 +27,7 @@ PROCESSES = (  # tests that start processes
     *('command_line',),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
-    *('first_power_up', 'fmu', 'forked_process'),
+    *('every_processor', 'first_power_up', 'fmu', 'forked_process'),
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
     *('joins', 'kernel_cache', 'life_cycle', 'mechanism_bits'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),

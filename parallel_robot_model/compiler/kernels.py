@@ -103,7 +103,25 @@ def inlined(function: Function) -> Function:
     return cast(Function, compiled)
 
 
+class _Names:
+    """A module of functions with ours in place of some."""
+
+    def __init__(self, module: types.ModuleType) -> None:
+        self._module = module
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._module, name)
+        return PYTHON.get(found, found) if callable(found) else found
+
+
+PYTHON: dict[Any, Any] = {}  # functions of `math` and `numpy` to ours, where nothing is compiled
+
+
 def _as_it_is(function: Function) -> Function:
+    names = cast(Any, function).__globals__
+    for name in ('math', 'np'):
+        if isinstance(names.get(name), types.ModuleType):
+            names[name] = _Names(names[name])
     cast(Any, function).py_func = function  # as compiled functions have it
     return function
 

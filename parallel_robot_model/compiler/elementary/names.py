@@ -17,8 +17,9 @@ from parallel_robot_model.compiler.elementary.arctangent import acos, asin, atan
 from parallel_robot_model.compiler.elementary.exponential import exp, tanh
 from parallel_robot_model.compiler.elementary.logarithm import log, power
 from parallel_robot_model.compiler.elementary.sine import cos, sin, tan
+from parallel_robot_model.compiler.kernels import PYTHON
 from parallel_robot_model.compiler.numba_parts import loops_of, lower_builtin
-from parallel_robot_model.compiler.vector_types import INTERPRETED
+from parallel_robot_model.compiler.vector_types import INTERPRETED, Vector
 
 OF_ONE: dict[Any, tuple[Any, ...]] = {
     sin: (math.sin, np.sin), cos: (math.cos, np.cos), tan: (math.tan, np.tan),
@@ -55,7 +56,22 @@ def _register(function: Any, name: Any, count: int) -> None:
             lower_builtin(name, kind)(lower)
 
 
-if not INTERPRETED:
+def _of_elements(function: Any) -> Any:
+    """A function of numbers as one of vectors, too, for Python."""
+    of_each = np.vectorize(lambda *values: function(*map(float, values)), otypes=[np.float64])
+
+    def called(*values: Any) -> Any:
+        found = of_each(*values)
+        return found.view(Vector) if found.ndim else np.float64(found)
+
+    return called
+
+
+if INTERPRETED:
+    for _function, _names in (*OF_ONE.items(), *OF_TWO.items()):
+        for _name in _names:
+            PYTHON[_name] = _of_elements(_function) if isinstance(_name, np.ufunc) else _function
+else:
     for _function, _names in (*OF_ONE.items(), *OF_TWO.items()):
         for _name in _names:
             _register(_function, _name, 2 if _function in OF_TWO else 1)
