@@ -11,6 +11,7 @@ from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
+from parallel_robot_control.place_gradient import asked_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.safety import limits_of
 from parallel_robot_model.common.arrays import Array
@@ -77,6 +78,8 @@ def assemble(
         ControlSetup(
             prepared.step,
             estimate,
+            robot.kernel('locate', row, guess),
+            asked_of(configuration.laws[name], robot),
             prepared.law,
             prepared.memory,
             robot.constants,

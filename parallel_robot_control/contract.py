@@ -7,8 +7,9 @@ them, or makes arrays of its own, gets arrays instead.
 A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
 warnings or raises InputError where its theory forbids a set of gains, ``judge_noise(gains, noise,
-period)``, which returns warnings for noisy rates [rad/s, rms], where that is known, and
-``ESTIMATOR``, the kind of estimator that it needs. See
+period)``, which returns warnings for noisy rates [rad/s, rms], where that is known,
+``ESTIMATOR``, the kind of estimator that it needs, ``LEVELS``, the time over which this one is to
+find noise and disturbance [s], and ``PLACE = True``, if it needs the place in its feedback. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 
 The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault
@@ -21,6 +22,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple, Protocol
 
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots.contract import Model
 
 
@@ -44,12 +46,16 @@ class Feedback(NamedTuple):
         excess: Torque of the last update beyond what the limits let through [N m]; mostly zero.
         disturbance: Torque against the motors that the model does not know [N m]: friction, loads,
             wrong masses; zero without a Kalman filter.
+        place: A^T A, A the Jacobian of the place of the end effector by the joints, that of all
+            joints where there is no place, shape (n, n); without meaning for a law that does not
+            ask for it.
     """
 
     position: Array
     velocity: Array
     excess: Array
     disturbance: Array
+    place: Array = vector(())
 
 
 class ControlOutput(NamedTuple):

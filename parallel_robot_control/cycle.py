@@ -12,6 +12,7 @@ from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
 from parallel_robot_control.law_step import Asked
+from parallel_robot_control.place_gradient import NO_PLACE, place_gradient
 from parallel_robot_control.safety import (
     EFFORT,
     ZERO,
@@ -87,6 +88,8 @@ class ControlSetup(NamedTuple):
     Attributes:
         step: Step of the law, as FirstClass.
         estimate: Estimate of the robot module, as FirstClass.
+        locate: Its forward kinematics, as FirstClass.
+        place: Number of the coordinates of the place that the law asks for, see place_gradient.py.
         law: The law itself, an address; of one type for all laws.
         memory: Its memory, a KeptValue.
         robot: Constants of the nominal robot, boxed.
@@ -98,6 +101,8 @@ class ControlSetup(NamedTuple):
 
     step: Any
     estimate: Any
+    locate: Any
+    place: int
     law: Any
     memory: int
     robot: Any
@@ -419,7 +424,10 @@ def run_cycle(
         select(effort - effort == 0.0, effort, last.torque),
         known and not gap,
     )
-    feedback = Feedback(position, velocity, excess, np.zeros_like(position))
+    zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
+    if setup.place != NO_PLACE and sensed.fault == faults.NONE:
+        place = place_gradient(setup.locate, setup.robot, setup.place, position, sensed.pose)
+    feedback = Feedback(position, velocity, excess, zero, place)
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
         ahead = filter_.command_delay + filter_.lag
@@ -441,7 +449,7 @@ def run_cycle(
             late + filter_.command_delay,
             dt,
         )
-        feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance)
+        feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance, place)
     # 3. The torque that the law asks for; in a fault it is not called.
     asked = Asked(position, position, position)
     if sensed.fault == faults.NONE:

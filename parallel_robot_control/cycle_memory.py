@@ -22,7 +22,8 @@ WAYS = LAGGED + 1  # row where those of state_consistency.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
 APPROACH = MOMENTUM + 5  # of approach.py
-ROWS = APPROACH + 5
+LEVELS = APPROACH + 5  # and of kalman_levels.py
+ROWS = LEVELS + 3
 
 
 def made_for(like: Array) -> Space:

@@ -68,6 +68,15 @@ class EstimatorParameters(NamedTuple):
     coulomb: Annotated[
         PerJoint, Field('N m', 'dry friction, rms before it is known (kalman)', 0.0)
     ]
+    levels: Annotated[
+        float | Literal['auto'],
+        Field(
+            's',
+            'time over which both noises and the disturbance are found while the robot moves; '
+            '0: as given; auto: as the law asks (kalman)',
+            0.0,
+        ),
+    ]
 
     @property
     def takes_velocities(self) -> bool:
@@ -109,6 +118,12 @@ def kind_for(parameters: EstimatorParameters, law: Law) -> int:
     """Number of the kind for a law: what the parameters say, or else what the law asks for."""
     asked = getattr(law, 'ESTIMATOR', 'none')  # optional in the contract
     return KINDS[asked if parameters.kind == AUTO else parameters.kind]
+
+
+def levels_for(parameters: EstimatorParameters, law: Law) -> float:
+    """Time over which levels are found for a law [s]; 0 for none."""
+    asked: float = getattr(law, 'LEVELS', 0.0)  # optional in the contract
+    return asked if parameters.levels == AUTO else float(parameters.levels)
 
 
 def estimator_of(
@@ -167,6 +182,7 @@ def estimator_of(
             2.0 * math.pi * parameters.disturbance_bandwidth,
             variance(parameters.offset),
             variance(parameters.coulomb),
+            levels_for(parameters, law),
             memory,
         ),
         lock_in_setup._replace(memory=cycle_memory.of_lock_in(memory)),

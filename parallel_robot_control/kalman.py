@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory
+from parallel_robot_control import cycle_memory, kalman_levels
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
 from parallel_robot_control.kalman_memory import MOST, begin, read, running, write
@@ -63,11 +63,13 @@ def predicted(
             periods does not count.
         dt: Time since the state before was measured [s].
     """
+    given, finds = kalman, kalman.levels > 0.0
     period, most = kalman.period, MOST * kalman.period
     late = select(late > most, most, late)
     # 1. From the state before to this one, under the torques that acted.
     if running(kalman, sample, moving):
         x, p = read(kalman, position)
+        kalman = kalman_levels.with_levels(kalman)
         mobility = 1.0 / _diagonal(model.M, position)
         start = late + select(dt > most, most, dt)
         j = _periods(start, period)
@@ -82,13 +84,23 @@ def predicted(
             p = spread(kalman, mobility, p, s, h)
             j -= 1
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
-        x, p = corrected(x, p, of, position - x.position, p.qq + kalman.position)
+        miss = position - x.position
+        if finds:
+            kalman_levels.follow(kalman, 0, given.position, miss * miss - p.qq, dt)
+        x, p = corrected(x, p, of, miss, p.qq + kalman.position)
         if kalman.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
-            x, p = corrected(x, p, of, velocity - x.velocity, p.vv + kalman.velocity)
+            miss = velocity - x.velocity
+            if finds:
+                kalman_levels.follow(kalman, 1, given.velocity, miss * miss - p.vv, dt)
+            x, p = corrected(x, p, of, miss, p.vv + kalman.velocity)
+        if finds:
+            square = x.disturbance * x.disturbance + p.ww
+            kalman_levels.follow(kalman, 2, given.disturbance, square, dt)
     else:
         rate = velocity if kalman.velocities else np.zeros_like(velocity)
         x, p = begin(kalman, moving, position, rate, before)
+        kalman_levels.begin(kalman)
     write(kalman, x, p)
     # 2. Over the age of this state, under the torques that were asked for since.
     j = _periods(late, period)

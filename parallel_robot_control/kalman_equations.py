@@ -42,6 +42,7 @@ class Kalman(NamedTuple):
         bandwidth: b [1/s].
         offset: Of c before it is known [(N m)^2].
         coulomb: Of f before it is known [(N m)^2].
+        levels: Time over which the first three variances are found [s]; 0: they are as given.
         memory: Address of its memory, see kalman_memory.py.
     """
 
@@ -55,6 +56,7 @@ class Kalman(NamedTuple):
     bandwidth: float
     offset: Array
     coulomb: Array
+    levels: float
     memory: int
 
 

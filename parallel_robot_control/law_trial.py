@@ -124,7 +124,8 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(7, joints))
         model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
-        words = (gains, model, JointReference(*rows[:3]), Feedback(*rows[3:]), memory, 1e-3)
+        feedback = Feedback(rows[3], rows[4], rows[5], rows[6], np.eye(joints))
+        words = (gains, model, JointReference(*rows[:3]), feedback, memory, 1e-3)
         if k == 0:
             with step('the compilation of update'):
                 given = _compiled_for(law, words)

@@ -167,5 +167,5 @@ def _motion(row: Array, matrix: Array) -> tuple[Any, ...]:
     return (
         Model(matrix, matrix, row),
         JointReference(row, row, row),
-        Feedback(row, row, row, row),
+        Feedback(row, row, row, row, matrix),
     )

@@ -26,6 +26,7 @@ INTEGRALS = {
     'adrc': 'observer.disturbance', 'tdc': 'torque', 'syn_tde_nftsmc': 'torque',
     'continuous_twisting': 'integral.value', 'implicit_super_twisting': 'integral',
 }  # fmt: skip
+STRONG = ('lqg_tracking', 'calm_tracking')  # else 200 N m at the start
 WEAK = 600  # samples for which the motors are too weak
 
 
@@ -100,6 +101,6 @@ def test_without_saturation_nothing_changes(law):
 @pytest.mark.parametrize('law', LAWS)
 @pytest.mark.parametrize('scenario', ['paper_circle', 'paper_line', 'circle_pi12'])
 def test_in_the_paper_s_scenarios_no_limit_acts(scenario, law):
-    fast = {'approach.duration': 0.4} if law == 'lqg_tracking' else {}  # else 200 N m at the start
+    fast = {'approach.duration': 0.4} if law in STRONG else {}
     made = simulated(config.resolve(scenario, {'law': law, 'duration': 12.0, **fast}))
     assert not made.run.acted.any() and not made.run.fault.any()

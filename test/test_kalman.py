@@ -102,6 +102,7 @@ def filter_of(velocities=True, command_delay=0.0, lag=0.0):
         BANDWIDTH,
         vector(OFFSET**2),
         vector(COULOMB**2),
+        0.0,
         cycle_memory.made_for(vector(np.zeros(N))),
     )
 

@@ -14,7 +14,8 @@ SHARE = 0.2  # of the states, left out one to four in a row
 # that friction or disturbance do more in five samples.
 CHANGE = {
     'tdc': 0.3, 'syn_tde_nftsmc': 0.3, 'fixed_time_smc': 0.3, 'implicit_smc': 0.3,
-    'observer_s_fotsmc': 0.1, 'lqg_tracking': 1.0, 'continuous_twisting': 15.0,
+    'observer_s_fotsmc': 0.1, 'lqg_tracking': 1.0, 'calm_tracking': 1.0,
+    'continuous_twisting': 15.0,
 }  # fmt: skip
 
 

@@ -6,6 +6,7 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.laws import (
     adaptive_s_fotsmc,
     adrc,
+    calm_tracking,
     computed_torque,
     continuous_twisting,
     fixed_time_smc,
@@ -59,6 +60,7 @@ LAWS: dict[str, Law] = {
     # for the laboratory: on the motion and the disturbance that a Kalman filter predicts
     'observer_s_fotsmc': observer_s_fotsmc,
     'lqg_tracking': lqg_tracking,
+    'calm_tracking': calm_tracking,
 }
 
 for _law in LAWS.values():
@@ -89,6 +91,7 @@ TITLES = {
     'implicit_super_twisting': 'implicit super-twisting',
     'observer_s_fotsmc': 'observer S-FOTSMC',
     'lqg_tracking': 'LQG tracking',
+    'calm_tracking': 'calm tracking',
 }
 
 CUSTOM_TITLES: dict[str, str] = {}  # of custom laws that this process knows, see law_titles.py
