@@ -9,6 +9,7 @@ from typing import Any
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.python import arguments
 from parallel_robot.studies import least_errors
+from parallel_robot.studies.limit.calm import REST
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -19,6 +20,7 @@ def limit(
     runs: int | None = None,
     duration: float | None = None,
     calm: bool = False,
+    rest: float = REST,
     figure: str | Path | None = None,
     param_file: str | Path | Iterable[str | Path] | None = None,
     **values: Any,
@@ -36,6 +38,7 @@ def limit(
         runs: Robots of each scenario of a study; default: the study's.
         duration: Length of the motion of a scenario [s]; default: its own.
         calm: Whether the least errors with at most some chattering are asked for, too.
+        rest: Weight of joints that the error does not see in these, relative.
         figure: Picture of these, .png, .pdf or .svg, which must not exist; default: none.
         param_file: YAML file with keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values.
@@ -58,6 +61,7 @@ def limit(
         runs,
         duration,
         calm or path is not None,
+        rest,
     )
     if path is not None:
         found.save_figure(path)

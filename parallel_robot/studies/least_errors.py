@@ -14,6 +14,7 @@ import numpy as np
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
 from parallel_robot.bags.progress import tracked
+from parallel_robot.studies.limit.calm import REST
 from parallel_robot.studies.limit.causes import CAUSES, NEGLIGIBLE, LeastError, least_error
 from parallel_robot.studies.limit.picture import draw
 from parallel_robot_control.configuration import resolve
@@ -42,6 +43,7 @@ class LeastErrors(NamedTuple):
         calm: Whether the price of calm was asked for.
         warnings: What to know of them, one line each.
         units: Units of the joints of all robots.
+        rest: Weight of joints that the error does not see in the price of calm, relative.
     """
 
     members: Mapping[str, list[LeastError]]
@@ -49,6 +51,7 @@ class LeastErrors(NamedTuple):
     calm: bool
     warnings: tuple[str, ...]
     units: JointUnits = HINGES
+    rest: float = REST
 
     def parts(self) -> list[Part]:
         """The tables."""
@@ -56,7 +59,7 @@ class LeastErrors(NamedTuple):
         for scenario, members in self.members.items():
             parts += _table(scenario, members, self.planar, self.units)
             if self.calm:
-                parts += _calm_table(members, self.planar, self.units)
+                parts += _calm_table(members, self.planar, self.units, self.rest)
         return parts
 
     def rows(self) -> tuple[list[str], list[list[Any]]]:
@@ -103,6 +106,7 @@ def compute(
     runs: int | None = None,
     duration: float | None = None,
     calm: bool = False,
+    rest: float = REST,
 ) -> LeastErrors:
     """Compute the least errors of the robots of a scenario or a study.
 
@@ -112,10 +116,13 @@ def compute(
         runs: Robots of each scenario of a study; None: the study's.
         duration: Length of the motion of a scenario [s]; None: its own.
         calm: Whether the price of calm is asked for.
+        rest: Its weight of joints that the error does not see, relative.
 
     Raises:
         InputError: there is no such scenario or study, or an argument is wrong.
     """
+    if not 0.0 < rest <= 1.0:
+        raise InputError(f'--rest must be above 0 and at most 1, not {rest:g}')
     found: dict[str, list[LeastError]] = {}
     planar, encoders = True, False
     units: list[JointUnits] = []
@@ -125,8 +132,8 @@ def compute(
         planar &= configuration.plant.robot.place > 0
         encoders |= bool(np.any(configuration.values['sensor.resolution']))
         units.append(configuration.plant.robot.joint_units)
-        found.setdefault(scenario, []).append(least_error(configuration, calm=calm))
-    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else (), all_of(units))
+        found.setdefault(scenario, []).append(least_error(configuration, calm=calm, rest=rest))
+    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else (), all_of(units), rest)
 
 
 def _experiments(
@@ -200,7 +207,9 @@ def _figures(name: str, rows: list[list[str]], unit: str) -> Table:
     return Table([name, *heads], rows, bare=not several)
 
 
-def _calm_table(members: list[LeastError], planar: bool, units: JointUnits) -> list[Part]:
+def _calm_table(
+    members: list[LeastError], planar: bool, units: JointUnits, rest: float
+) -> list[Part]:
     """The least errors with at most some chattering."""
     known = [one.calm for one in members if one.calm is not None]
     if not known:
@@ -213,4 +222,6 @@ def _calm_table(members: list[LeastError], planar: bool, units: JointUnits) -> l
     ]
     nm, small = units.of('N m'), 'µm' if planar else units.of('µrad')
     head = f'  with a chattering of at most [{nm}]; {len(known)} robots with noise'
+    if planar:
+        head += f'; the rest of the joints weighs {rest:g}'
     return [head, _figures(f'chattering [{nm}]', rows, small)]

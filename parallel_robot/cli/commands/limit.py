@@ -12,6 +12,7 @@ from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.least_errors import is_study
+from parallel_robot.studies.limit.calm import REST
 from parallel_robot_model.common.errors import InputError
 
 
@@ -31,6 +32,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--calm', action='store_true', help='also the least error with at most some chattering'
     )
     parser.add_argument(
+        '--rest',
+        type=float,
+        default=REST,
+        metavar='W',
+        help='weight of joints that the error does not see, as a rotation, when calm has its '
+        'price; 1: as of the place (default: %(default)g)',
+    )
+    parser.add_argument(
         '--figure', type=Path, metavar='FILE', help='picture of that; png, pdf, svg'
     )
     add_format_argument(parser)
@@ -45,7 +54,9 @@ def execute(arguments: argparse.Namespace) -> int:
         check_new(arguments.figure)
     name, calm = arguments.scenario, arguments.calm or arguments.figure is not None
     changes = (simulate.given if is_study(name) else simulate.overrides)(arguments)
-    found = least_errors.compute(name, changes, arguments.runs, arguments.duration, calm)
+    found = least_errors.compute(
+        name, changes, arguments.runs, arguments.duration, calm, arguments.rest
+    )
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     head, rows = found.rows()

@@ -19,7 +19,7 @@ from parallel_robot_model.common.arrays import Array
 
 POINTS = 3  # of the second half of a motion
 WEIGHTS = np.logspace(4.0, -4.5, 18)  # of chattering against error, in units of the model's own
-REST = 1e-4  # weight of joints that the error does not see, relative
+REST = 1e-4  # usual weight of joints that the error does not see, relative
 STEPS, ENOUGH = 60, 1e-10  # doublings, and the relative change after which there are no more
 
 
@@ -51,7 +51,7 @@ class Point(NamedTuple):
         error: What the error is computed from, shape (p, N).
         rough: A signal with the mean square of the chattering, by state, shape (n, N).
         now: And by the present torque.
-        rest: Joint positions, with the weight REST, shape (n, N).
+        rest: Joint positions, with the weight of the rest, shape (n, N).
         late: Covariance of the prediction that the controller has, shape (N, N).
         fresh: Covariance of what it learns in a sample, shape (N, N).
         motor: Variance of the chattering that the motors themselves add [N^2 m^2].
@@ -68,28 +68,31 @@ class Point(NamedTuple):
     motor: float
 
 
-def price_of_calm(motion: LinearMotion, noise: Noise, period: float) -> Calm:
+def price_of_calm(motion: LinearMotion, noise: Noise, period: float, rest: float = REST) -> Calm:
     """Compute the least errors of controllers that are calm, some, or not at all.
 
     Args:
         motion: The linearised motion.
         noise: What is not known.
         period: Of the samples [s].
+        rest: Weight of joints that the error does not see, relative.
 
     Raises:
         numpy.linalg.LinAlgError: there is no steady state.
     """
     ends = len(motion.times) - 1
     places = np.unique(np.linspace(ends // 2, ends, POINTS, endpoint=False).astype(int))
-    points = [point_of(motion, noise, period, place) for place in places]
+    points = [point_of(motion, noise, period, place, rest) for place in places]
     unit = np.mean([_unit(each, period) for each in points])
     squares = np.array([[variances(each, unit * w) for w in WEIGHTS] for each in points])
     error, chattering = np.sqrt(np.mean(squares, axis=0)).T
     return Calm(chattering, error)
 
 
-def point_of(motion: LinearMotion, noise: Noise, period: float, place: int) -> Point:
-    """The plant at a point of the motion, and what its controller knows."""
+def point_of(
+    motion: LinearMotion, noise: Noise, period: float, place: int, weight: float = REST
+) -> Point:
+    """The plant at a point of the motion, and what its controller knows; `weight` of the rest."""
     # 1. Plant and disturbance, whose sign does not matter, and the filter in its steady state.
     A, B = motion.transition[place], motion.torque[place]
     states, joints = B.shape
@@ -127,7 +130,7 @@ def point_of(motion: LinearMotion, noise: Noise, period: float, place: int) -> P
     error, rest = np.zeros((len(motion.error[place]), whole)), np.zeros((joints, whole))
     error[:, :states] = motion.error[place]
     rest[:, :states] = motion.measured[place][:joints]
-    rest *= math.sqrt(REST) * np.linalg.norm(error) / np.linalg.norm(rest)
+    rest *= math.sqrt(weight) * np.linalg.norm(error) / np.linalg.norm(rest)
     known = np.zeros((2, whole, whole))
     known[:, :size, :size] = late, fresh
     motor = float(np.mean(noise.motor**2)) * float(shape @ shape)

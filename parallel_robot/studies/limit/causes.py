@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.studies.limit.calm import Calm, price_of_calm
+from parallel_robot.studies.limit.calm import REST, Calm, price_of_calm
 from parallel_robot.studies.limit.geometry import geometry_error
 from parallel_robot.studies.limit.linear_motion import linearise
 from parallel_robot.studies.limit.prediction import EXACT, Noise, least, noise_of
@@ -64,7 +64,7 @@ def _in_motion(configuration: Configuration) -> Configuration:
 
 
 def least_error(
-    configuration: Configuration, causes: bool = True, calm: bool = False
+    configuration: Configuration, causes: bool = True, calm: bool = False, rest: float = REST
 ) -> LeastError:
     """Compute the least errors of one robot.
 
@@ -72,6 +72,7 @@ def least_error(
         configuration: The experiment; its law and gains are of no account.
         causes: Whether all CAUSES are asked for, and what geometry costs, or only WHOLE.
         calm: Whether the price of calm is asked for.
+        rest: Its weight of joints that the error does not see, relative.
 
     Raises:
         InputError: the robot does not reach the motion; there is no steady state to be calm in.
@@ -100,7 +101,7 @@ def least_error(
     geometry = geometry_error(configuration, steady) if causes else np.nan
     if calm and found[WHOLE] > NEGLIGIBLE:
         try:
-            price = price_of_calm(motion, noise, loop.period)
+            price = price_of_calm(motion, noise, loop.period, rest)
         except np.linalg.LinAlgError as error:
             raise InputError(f'no price of calm: {error}') from None
     return LeastError(found, travelled, geometry, price)
