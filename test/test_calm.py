@@ -132,3 +132,15 @@ def test_the_command_tells_and_draws_it(tmp_path, capsys):
     assert 'picture format' in capsys.readouterr().err
     assert main(['limit', 'paper_circle', '--duration', '1', '--calm']) == 0
     assert 'no noise: calm costs nothing' in capsys.readouterr().out
+
+
+def test_a_rotation_that_is_held_costs_error_and_its_weight_is_a_share(capsys):
+    """Of the paper's robot: less error at the same chattering where the platform may turn."""
+    noise = {'disturbance.noise': 0.5, 'sensor.position_noise': 1e-5, 'duration': 0.5}
+    configuration = configure(resolve('paper_circle', noise))
+    told = noise_of(configuration.plant.imperfections, PERIOD, 3)
+    motion = linearise(configuration)
+    free, held = (calm.price_of_calm(motion, told, PERIOD, rest).at(0.3) for rest in (1e-4, 1.0))
+    assert 1.05 * free < held < 2.0 * free
+    assert main(['limit', 'paper_circle', '--calm', '--rest', '0']) == 2
+    assert '--rest must be above 0 and at most 1, not 0' in capsys.readouterr().err
