@@ -11,10 +11,10 @@ SHARE = 0.2  # of the states, left out one to four in a row
 # How much of its error a law may gain or lose, if not 2 %. The estimate of tdc is as late as the
 # last state, so is that of syn_tde_nftsmc; for fixed_time_smc and implicit_smc, five samples are
 # long beside the time in which S crosses its layer. Of the last three the error itself is so small
-# that friction or disturbance do more in five samples.
+# that friction or disturbance do more in five samples; calm_tracking holds the rotation slowly.
 CHANGE = {
     'tdc': 0.3, 'syn_tde_nftsmc': 0.3, 'fixed_time_smc': 0.3, 'implicit_smc': 0.3,
-    'observer_s_fotsmc': 0.1, 'lqg_tracking': 1.0, 'calm_tracking': 1.0,
+    'observer_s_fotsmc': 0.1, 'lqg_tracking': 1.0, 'calm_tracking': 16.0,
     'continuous_twisting': 15.0,
 }  # fmt: skip
 
