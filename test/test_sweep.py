@@ -11,6 +11,7 @@ from sweeping import FAILING, ROWS, RUNS, TEXT, Inline, content, planned, runs, 
 from parallel_robot.analysis import metrics
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies import least_errors
 from parallel_robot.studies.sweep import results
 from parallel_robot.studies.sweep.floor import floor_of
 from parallel_robot.studies.sweep.run_chunk import Outcome
@@ -308,6 +309,23 @@ def test_every_row_has_the_limit_of_its_sample_which_is_computed_once(tmp_path, 
     lines = (tmp_path / 'summary.csv').read_text().splitlines()
     assert any(line.startswith('paper_circle,,median of limit,µm,') for line in lines)
     assert 'limit & ' in (tmp_path / 'summary.tex').read_text()
+
+
+def test_errors_are_held_against_the_limit_at_their_own_chattering(tmp_path):
+    text = swept(tmp_path, NOISY + 'calm: true\n', summarised=True)
+    found, plan = runs(tmp_path).to_pylist(), planned(NOISY + 'calm: true\n')
+    ratios = []
+    for row in (row for row in found if row['law'] == 'pid'):  # the curve is with all laws
+        chosen = plan.row(row['row'])
+        limits = least_errors.compute(chosen.scenario, chosen.overrides, calm=True)
+        (robot,) = limits.members['paper_circle']
+        spent = max(row['chattering_nm'], robot.calm.chattering[0])
+        ratios.append(row['xy_rms_m'] / robot.calm.at(spent))
+    (result,) = results.evaluate(tmp_path / 'runs.parquet', plan).values()
+    names = [quantity.name for quantity in result.quantities]
+    place = names.index('error / limit at own chattering')
+    assert result.laws['pid'].medians[place].value == pytest.approx(np.median(ratios), rel=1e-9)
+    assert min(ratios) > 1.0 and names[place] in text
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def score(figures: RunFigures, calm: Calm | None) -> float:
     """
     if figures.status != 'ok' or calm is None or not figures.error > 0.0:
         return 0.0
-    return calm.at(max(figures.chattering, float(calm.chattering[0]))) / figures.error
+    return calm.own(figures.chattering) / figures.error
 
 
 def summarised(runs: Sequence[ScoredRun]) -> Summary:

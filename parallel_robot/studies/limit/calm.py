@@ -41,6 +41,10 @@ class Calm(NamedTuple):
         near = np.log(np.maximum.accumulate(self.chattering))
         return float(np.exp(np.interp(math.log(chattering), near, np.log(self.error))))
 
+    def own(self, chattering: float) -> float:
+        """Least error at the chattering of a run [N m]; calmer than all: that of the calmest."""
+        return self.at(max(chattering, float(self.chattering[0])))
+
 
 class Point(NamedTuple):
     """The plant with its disturbance and its last torques, held at a point of the motion.

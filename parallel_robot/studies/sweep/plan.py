@@ -170,6 +170,8 @@ class Plan:
             'uncertainty': [asdict(each) for each in self.study.uncertainties],
             'configuration': [configurations, code],
         }
+        if self.study.calm:
+            parts['calm'] = True
         texts = {key: json.dumps(part, sort_keys=True) for key, part in parts.items()}
         long = texts['configuration'].encode()
         return texts | {'configuration': hashlib.sha256(long).hexdigest()}

@@ -6,14 +6,16 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
-from parallel_robot.studies.sweep.table import arrow
+from parallel_robot.studies.sweep.table import CALM, arrow
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
@@ -153,6 +155,23 @@ def _has_encoder(plan: Plan, scenario: str) -> bool:
     return any(bool(np.any(case.nominal[key])) for case in cases)
 
 
+def _calm_columns(plan: Plan) -> list[str]:
+    """Columns of the limit by chattering, where the study asks for it."""
+    return [*map(plan.units.key, CALM)] if plan.study.calm else []
+
+
+def _at_own_calm(rows: Any, plan: Plan) -> Array:
+    """The limit of each row at its own chattering [m or rad]; NaN where there is none."""
+    curves = zip(*(rows[name].to_pylist() for name in _calm_columns(plan)), strict=True)
+    chattering = rows[plan.units.key('chattering_nm')].to_numpy()
+    return np.array(
+        [
+            Calm(*map(np.asarray, curve)).own(spent) if curve[0] else np.nan
+            for curve, spent in zip(curves, chattering, strict=True)
+        ]
+    )
+
+
 def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     pa = arrow()
     parameters = [name for name, numeric in plan.columns().items() if numeric]
@@ -163,7 +182,7 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     numbers += [*dict.fromkeys(of_error.values()), DELAY]
     found = pa.parquet.read_table(
         runs,
-        columns=['law', 'sample', 'status', 'reason', *numbers],
+        columns=['law', 'sample', 'status', 'reason', *numbers, *_calm_columns(plan)],
         filters=[('scenario', '=', scenario)],
         partitioning=None,
     )
@@ -175,12 +194,19 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     error = errors[0] if planar else errors[1]
     scramble = sample % plan.study.scrambles
     limits = columns[of_error[error.column]]
-    limited = limits > NEGLIGIBLE  # not where it is NaN
+    limited = limits > NEGLIGIBLE
     limit = ESTIMATED if _has_encoder(plan, scenario) else LIMIT
     ratio = Quantity('', f'error / {limit}', '', 1.0)
+    calm = _at_own_calm(found, plan) if plan.study.calm else np.full(len(law), np.nan)
+    calmed = Quantity('', f'error / {limit} at own chattering', '', 1.0)
     rotated = [ROTATED] if np.isfinite(columns[ROTATED.column]).any() else []
     measured = (error, *rotated, *others)
-    quantities = (error, *([ratio] if limited.any() else []), *measured[1:])
+    held = {}  # what the error is held against, by the quantity that the ratio is
+    if limited.any():
+        held[ratio] = limits
+    if np.isfinite(calm).any():
+        held[calmed] = 1e6 * calm
+    quantities = (error, *held, *measured[1:])
     results = {}
     for variant in plan.study.laws:
         mine = law == variant.name
@@ -190,10 +216,11 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
             for quantity in measured
         ]
         medians = [_median(values, scramble[mine]) for values in scaled]
-        if limited.any():
-            some = limited[mine]
-            ratios = scaled[0][some] / limits[mine][some]
-            medians.insert(1, _median(ratios, scramble[mine][some]))
+        ratios = []
+        for against in held.values():
+            some = against[mine] > NEGLIGIBLE  # not where it is NaN
+            ratios.append(_median(scaled[0][some] / against[mine][some], scramble[mine][some]))
+        medians[1:1] = ratios
         drawn = {name: columns[name][mine] for name in parameters}
         drawn = {name: values for name, values in drawn.items() if np.isfinite(values).all()}
         results[variant.name] = LawResult(

@@ -58,6 +58,7 @@ class Study:
         fixed: Keys of the configuration and their values in all runs.
         uncertainties: The uncertain parameters.
         scrambles: Number of independently scrambled Sobol sequences that the samples are of.
+        calm: Whether each error is also held against the limit at the chattering of its run.
         places: Where the keys of its file stand, e.g. ``set.friction.viscous``.
         text: Its file; of one with a base, or with laws of its own, all of it in one.
     """
@@ -71,6 +72,7 @@ class Study:
     fixed: Mapping[str, Any]
     uncertainties: tuple[Uncertainty, ...]
     scrambles: int = 1
+    calm: bool = False
     places: Mapping[str, Place] = field(default_factory=dict)
     text: str = ''
 
@@ -217,7 +219,7 @@ def _loaded(
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
     known = {'scenarios', 'laws', 'runs', 'seed', 'method', 'scrambles', 'duration', 'set'}
-    known |= {'uncertainty'}
+    known |= {'uncertainty', 'calm'}
     for key in content:
         if key not in known:
             raise UnknownNameError('key', key, known, key)
@@ -260,6 +262,7 @@ def _study(content: dict[str, Any], folder: Path | None) -> Study:
         fixed,
         tuple(uncertainty.parse(key, entry) for key, entry in entries.items()),
         scrambles,
+        check('calm', bool, Field('', ''), content.get('calm', False)),
     )
 
 

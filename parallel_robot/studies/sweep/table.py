@@ -57,6 +57,7 @@ METRICS: dict[str, Callable[[Metrics], float]] = {  # column to value; NaN is wr
 
 # Of the sample, not of the run: the first law of the scenario has it until a sweep is finished.
 FLOOR = Floor._fields
+CALM = ('calm_chattering_nm', 'calm_error')  # limit by chattering, lists, likewise [m or rad]
 
 
 def arrow() -> ModuleType:
@@ -78,6 +79,8 @@ def schema(plan: Plan) -> Any:
     fields += [(key(name), pa.float64()) for name in METRICS]
     names = dict.fromkeys(map(key, FLOOR))  # limits of slides are in um as those of a place
     fields += [(name, pa.string() if name in words else pa.float64()) for name in names]
+    if plan.study.calm:
+        fields += [(key(name), pa.list_(pa.float64())) for name in CALM]
     fields += [
         (name, pa.float64() if numeric else pa.string())
         for name, numeric in plan.columns().items()
@@ -108,7 +111,8 @@ def with_floors(rows: Arrow, plan: Plan) -> Arrow:
     leaders = np.array([plan.leader(case) for case in range(len(plan.cases))])
     cases = numbers % len(leaders)
     first = np.searchsorted(numbers, numbers - cases + leaders[cases])
-    for name in dict.fromkeys(map(plan.units.key, FLOOR)):
+    of_sample = (*FLOOR, *(CALM if plan.study.calm else ()))
+    for name in dict.fromkeys(map(plan.units.key, of_sample)):
         place = rows.column_names.index(name)
         rows = rows.set_column(place, rows.schema.field(name), rows[name].take(first))
     return rows
@@ -119,6 +123,10 @@ def _entry(row: Row, outcome: Outcome, units: JointUnits) -> Mapping[str, Any]:
     found = outcome.metrics
     values = {} if found is None else {name: of(found) for name, of in METRICS.items()}
     floor = {} if outcome.floor is None else outcome.floor._asdict()
+    calm = {}
+    if outcome.calm is not None:
+        pairs = zip(CALM, outcome.calm, strict=True)
+        calm = {units.key(name): curve.tolist() for name, curve in pairs}
     numbers = {
         units.key(name): value for name, value in {**values, **floor}.items() if value == value
     }
@@ -132,5 +140,6 @@ def _entry(row: Row, outcome: Outcome, units: JointUnits) -> Mapping[str, Any]:
         'reason': outcome.reason,
         'limits': outcome.limits,
         **numbers,
+        **calm,
         **row.drawn,
     }

@@ -77,18 +77,20 @@ def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
             if missing.any():
                 rows = plan.rows(case, first, count)
                 needed = [row for row, lacks in zip(rows, missing, strict=True) if lacks]
-                yield task(needed, limited=plan.leader(case) == case)
+                leads = plan.leader(case) == case
+                yield task(needed, limited=leads, calm=leads and plan.study.calm)
         first += count
 
 
-def task(rows: list[Row], limited: bool = False) -> Task:
-    """The task of some rows of one case; `limited`: with the limit of each sample."""
+def task(rows: list[Row], limited: bool = False, calm: bool = False) -> Task:
+    """The task of some rows of one case; `limited`, `calm`: with the limit of each sample."""
     return Task(
         rows[0].scenario,
         tuple(row.row for row in rows),
         tuple(row.overrides for row in rows),
         version(),
         limited,
+        calm,
     )
 
 
