@@ -66,6 +66,7 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'speed': '0',
     'magnify': '0',
     'phrase': ' ',
+    'rest': '-1',
     'protocol': 'no_such_protocol',
     'check': '{tmp}/none',
 }

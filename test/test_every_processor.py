@@ -61,7 +61,13 @@ def simulated(environment, out):
     return {name: content(out / name / f'{name}_0.mcap') for name in RUNS}
 
 
-@pytest.mark.parametrize('environment', [OLD_LIBRARIES, OLD], ids=['libraries', 'all'])
+@pytest.mark.parametrize(
+    'environment',
+    [
+        pytest.param(OLD_LIBRARIES, id='libraries'),
+        pytest.param(OLD, id='all', marks=pytest.mark.endurance),  # compiles all anew
+    ],
+)
 def test_bags_are_the_same_bytes(environment, usual, tmp_path):
     other = simulated(environment, tmp_path)
     for name, streams in usual.items():

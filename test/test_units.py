@@ -71,9 +71,9 @@ def test_metrics_have_the_units_of_the_joints():
     assert set(as_data(found)['steady']) == {'joint_rms_m', 'sync_rms_m'}
     assert 'max_n' in as_data(found)['torque']
     rows = {name: unit for name, _, unit in whole(found).rows}
-    assert rows['joint error, rms'] == 'µm' and rows['torque, max (whole run)'] == 'N'
+    assert rows['joint error, rms'] == 'µm' and rows['force, max (whole run)'] == 'N'
     rows = {name: unit for name, _, unit in whole(metrics.figures(still(BOTH))).rows}
-    assert rows['joint error, rms'] == 'µrad or µm' and rows['torque, rms'] == 'N m or N'
+    assert rows['joint error, rms'] == 'µrad or µm' and rows['torque or force, rms'] == 'N m or N'
 
 
 def test_a_rotation_error_is_an_angle_with_slides_too():

@@ -20,7 +20,7 @@ def pose_fields(robot: RobotModel, poses: np.ndarray) -> dict[str, Any]:
         names = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
         return dict(zip(names, (*poses[:, :3].T, *turned.T), strict=True))
     angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
-    half = 0.5 * angle
+    half = 0.5 * np.asarray(angle)  # a vector would have machine code of its own
     return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine(half), 'qw': cosine(half)}
 
 

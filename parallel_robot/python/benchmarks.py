@@ -25,6 +25,10 @@ def benchmark(
 ) -> Scores:
     """Judge laws against the limit by a fixed protocol, as ``parallel_robot benchmark`` does.
 
+    >>> import parallel_robot as pr
+    >>> found = pr.benchmark('pid', 'my_law.py', out='runs/scores', quick=True)  # doctest: +SKIP
+    >>> found.as_data()['laws']['pid']['tuned']['all']['all']['score']  # doctest: +SKIP
+
     Args:
         laws: Names of laws of the suite, or Python files of others.
         out: Directory of the results; new, or that of the same benchmark, which is continued.
