@@ -102,7 +102,7 @@ def _figure(scores: Scores) -> Any:
     left.set_ylim(-0.6, len(every) - 0.4)
     left.set_xlim(0.0, 1.0)
     left.axvline(1.0, color='black', lw=1.6, ls=(0, (1, 1)))
-    left.set_xlabel('score: the limit over the true error; bar: 95 % interval, |: 5 % tail')
+    left.set_xlabel('score; bar: 95 % interval, |: 5 % tail')
     left.grid(axis='x', alpha=0.3)
     _draw_medians(right, [found for *_, found in every])
     figure.suptitle(scores.head()[0], fontsize=9)
