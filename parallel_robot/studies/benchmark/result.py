@@ -76,7 +76,11 @@ class Scores(ShownResult):
             Table(['law', 'gains', 'score', '5 % tail', 'failed'], rows, 'llrrr'),
             '\nmedian scores',
             Table(['law', 'gains', *heads], groups, 'll' + 'r' * len(heads)),
-            *([f'{below} runs are below the limit, which is no bound there'] if below else []),
+            *(
+                [f'{below} runs are below the limit, which is one of the mean over long runs']
+                if below
+                else []
+            ),
         ]
 
     def head(self) -> list[str]:
