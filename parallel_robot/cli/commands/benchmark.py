@@ -8,13 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from parallel_robot.cli.result_format import add_format_argument, show, tell
+from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
 from parallel_robot.studies.benchmark.again import checked
 from parallel_robot.studies.benchmark.benchmark import SCORE, benchmarked
 from parallel_robot.studies.benchmark.competitors import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
-from parallel_robot.studies.sweep.cluster import Cluster
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
-from parallel_robot.studies.sweep.workers import Processes, Workers
+from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_model.common.errors import InputError
 
 
@@ -48,18 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='run the benchmark of a score again and tell whether it is the same; '
         'LAW: the files of its laws that are not of the suite',
     )
-    parser.add_argument(
-        '--workers', type=int, metavar='N', help='processes, default: one for each core'
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='run on the cluster of this dask scheduler instead'
-    )
+    add_worker_arguments(parser)
     add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    workers = _workers(arguments)
+    workers, _ = workers_of(arguments)
     if arguments.check is not None:
         return _check(arguments, workers)
     if not arguments.laws:
@@ -86,19 +80,3 @@ def _check(arguments: argparse.Namespace, workers: Callable[[], Workers]) -> int
         found = checked(arguments.check, arguments.protocol, arguments.laws, out, workers)
     show(arguments.format, found.parts(), found.as_data())
     return int(bool(found.differences))
-
-
-def _workers(arguments: argparse.Namespace) -> Callable[[], Workers]:
-    """Makes those who run it.
-
-    Raises:
-        InputError: the arguments do not fit together.
-    """
-    if arguments.scheduler is not None:
-        if arguments.workers is not None:
-            raise InputError('--workers is for processes on this machine, not for --scheduler')
-        return lambda: Cluster(arguments.scheduler)
-    count = default_workers() if arguments.workers is None else arguments.workers
-    if not 1 <= count <= MOST_WORKERS:
-        raise InputError(f'--workers must be from 1 to {MOST_WORKERS}, not {count}')
-    return lambda: Processes(count)

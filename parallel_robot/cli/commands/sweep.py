@@ -7,12 +7,10 @@ from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show, tell
+from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
 from parallel_robot.studies.sweep import study, summary
-from parallel_robot.studies.sweep.cluster import Cluster
 from parallel_robot.studies.sweep.plan import plan
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers, sweep
-from parallel_robot.studies.sweep.workers import Processes, Workers
-from parallel_robot_model.common.errors import InputError
+from parallel_robot.studies.sweep.sweep import sweep
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,19 +32,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='LAW',
         help="in place of the study's laws; a name of one of these keeps its gains",
     )
-    parser.add_argument(
-        '--workers', type=int, metavar='N', help='processes, default: one for each core'
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='run on the cluster of this dask scheduler instead'
-    )
+    add_worker_arguments(parser)
     add_format_argument(parser)
     simulate.add_set_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    workers, count = _workers(arguments)
+    make, count = workers_of(arguments)
+    workers = make()
     file = study.file_of(arguments.study)
     fixed = simulate.given(arguments)
     asked = study.parse(study.read(file), str(file), file.parent, arguments.laws)
@@ -59,19 +53,3 @@ def execute(arguments: argparse.Namespace) -> int:
     tell(form, f'rows    {out / "runs.parquet"}')
     tell(form, f'summary {out / "summary.txt"} (.csv, .tex, .html), {picture} (.pdf)')
     return 0
-
-
-def _workers(arguments: argparse.Namespace) -> tuple[Workers, int]:
-    """Who runs the sweep, and how many.
-
-    Raises:
-        InputError: the arguments do not fit together.
-    """
-    if arguments.scheduler is not None:
-        if arguments.workers is not None:
-            raise InputError('--workers is for processes on this machine, not for --scheduler')
-        return Cluster(arguments.scheduler), 2 * default_workers()
-    count = default_workers() if arguments.workers is None else arguments.workers
-    if not 1 <= count <= MOST_WORKERS:
-        raise InputError(f'--workers must be from 1 to {MOST_WORKERS}, not {count}')
-    return Processes(count), count

@@ -81,5 +81,4 @@ def checked(
         raise InputError(f'{path}: phrase must be a text, not {phrase!r}')
     asked = protocols.read(protocol, facts.get('quick') is True, phrase)
     ours = benchmarked(asked, phrase, competitors(laws), directory, workers)
-    first = next(iter(next(iter(ours.runs.values())).values()))
-    return Checked(path, tuple(differences(score, ours.as_data())), len(first))
+    return Checked(path, tuple(differences(score, ours.as_data())), ours.count)

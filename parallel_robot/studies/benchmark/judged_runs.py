@@ -139,7 +139,7 @@ def _tasks(
 ) -> Iterator[Task]:
     """The tasks that are left of a condition, one for each law and kind of gains.
 
-    The first entry tells the limits of the samples; its runs come before they are known.
+    The runs of the first entry tell the limits of the samples, which are kept before them.
     """
     samples = range(condition.first, condition.first + len(condition.samples))
     left = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import html
-import io
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,8 @@ from matplotlib.figure import Figure
 from parallel_robot.studies.benchmark.judged_runs import TUNED
 from parallel_robot.studies.benchmark.result import Scores
 from parallel_robot.studies.benchmark.scores import WHOLE, Summary
-from parallel_robot.studies.sweep.summary import STYLE
+from parallel_robot.studies.sweep.picture import encoded
+from parallel_robot.studies.sweep.summary import STYLE, cells
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common.tables import Table
 
@@ -27,13 +27,7 @@ PLAIN = '#8a8a8a'
 
 def files(scores: Scores) -> dict[str, bytes]:
     """The page by name of its file."""
-    figure = _figure(scores)
-    pictures = {}
-    for suffix in ('png', 'pdf'):
-        stream = io.BytesIO()
-        dates = {'CreationDate': None} if suffix == 'pdf' else None
-        figure.savefig(stream, format=suffix, dpi=130, metadata=dates)
-        pictures[suffix] = stream.getvalue()
+    pictures = encoded(_figure(scores))
     return {
         'page.html': _html(scores, pictures['png']).encode(),
         'page.pdf': pictures['pdf'],
@@ -42,16 +36,13 @@ def files(scores: Scores) -> dict[str, bytes]:
 
 def _html(scores: Scores, picture: bytes) -> str:
     parts = [f'<p>{html.escape(line)}</p>' for line in scores.head()]
-    encoded = base64.b64encode(picture).decode()
-    parts.append(f'<img alt="Scores of the laws" src="data:image/png;base64,{encoded}">')
+    text = base64.b64encode(picture).decode()
+    parts.append(f'<img alt="Scores of the laws" src="data:image/png;base64,{text}">')
     for part in [*scores.parts()[len(scores.head()) :], *_by_robot(scores)]:
         if isinstance(part, Table):
             rows = [('th', part.head), *(('td', row) for row in part.rows)]
-            cells = (
-                '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in row) + '</tr>'
-                for tag, row in rows
-            )
-            parts.append('<table>' + '\n'.join(cells) + '</table>')
+            lines = (cells(row, tag) for tag, row in rows)
+            parts.append('<table>' + '\n'.join(lines) + '</table>')
         else:
             parts.append(f'<h2>{html.escape(part.strip())}</h2>')
     return (
@@ -66,7 +57,7 @@ def _by_robot(scores: Scores) -> list[Any]:
     """What laws spend on each robot."""
     heads = ['law', 'gains', 'score', '5 % tail', 'chattering', 'torque', 'energy [J]']
     tables: dict[str, list[list[str]]] = {}
-    for law, kind, found in scores.summaries():
+    for law, kind, found in scores.summaries:
         for robot, each in found['robot'].items():
             spent = [f'{value:.4g}' for value in (each.chattering, each.torque, each.energy)]
             figures = [f'{each.median.value:.3f}', f'{each.tail.value:.3f}', *spent]
@@ -84,7 +75,7 @@ def _by_robot(scores: Scores) -> list[Any]:
 
 def _figure(scores: Scores) -> Any:
     """Scores with their intervals at the left, medians by condition at the right."""
-    every = sorted(scores.summaries(), key=lambda each: each[2][WHOLE][WHOLE].median.value)
+    every = sorted(scores.summaries, key=lambda each: each[2][WHOLE][WHOLE].median.value)
     height = MARGIN + LINE * len(every)
     figure = Figure(figsize=(WIDTH, height), layout='constrained')
     FigureCanvasAgg(figure)

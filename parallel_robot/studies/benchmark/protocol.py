@@ -127,7 +127,7 @@ def read(name: str = DEFAULT, quick: bool = False, phrase: str | None = None) ->
     """
     if phrase is not None and not phrase.strip():
         raise InputError(f'a phrase must have words, not {phrase!r}')
-    file = _file_of(name)
+    file = study.file_of(name, 'protocol', 'benchmarks')
     try:
         content = plain_data.load(study.read(file))
     except ValueError as error:
@@ -143,16 +143,6 @@ def read(name: str = DEFAULT, quick: bool = False, phrase: str | None = None) ->
 def seed_from(phrase: str) -> int:
     """The seed that belongs to a phrase: the first 62 bits of its SHA-256 in UTF-8."""
     return int.from_bytes(hashlib.sha256(phrase.encode()).digest()[:8], 'big') >> 2
-
-
-def _file_of(name: str) -> Path:
-    known = {path.stem: path for path in (config.directory() / 'benchmarks').glob('*.yaml')}
-    if name in known:
-        return known[name]
-    path = Path(name)
-    if path.suffix not in ('.yaml', '.yml') and '/' not in name:
-        raise UnknownNameError('protocol', name, known)
-    return path
 
 
 def _protocol(content: Mapping[str, Any], file: Path, quick: bool, phrase: str | None) -> Protocol:

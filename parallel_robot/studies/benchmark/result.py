@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -49,15 +50,23 @@ class Scores(ShownResult):
     runs: Mapping[str, Mapping[str, list[ScoredRun]]]
     seconds: float
 
-    def summaries(self) -> Iterator[tuple[str, str, dict[str, dict[str, Summary]]]]:
+    @cached_property
+    def summaries(self) -> list[tuple[str, str, dict[str, dict[str, Summary]]]]:
         """Law, kind of gains, and the summaries of its runs by label and value."""
-        for law, kinds in self.runs.items():
-            for kind, runs in kinds.items():
-                yield law, kind, by_label(runs)
+        return [
+            (law, kind, by_label(runs))
+            for law, kinds in self.runs.items()
+            for kind, runs in kinds.items()
+        ]
+
+    @property
+    def count(self) -> int:
+        """Number of runs of each law with one kind of gains."""
+        return len(next(iter(next(iter(self.runs.values())).values())))
 
     def parts(self) -> list[Part]:
         """The scores, and those of each robot, mix, speed and age."""
-        every = sorted(self.summaries(), key=lambda each: -each[2][WHOLE][WHOLE].median.value)
+        every = sorted(self.summaries, key=lambda each: -each[2][WHOLE][WHOLE].median.value)
         rows, groups = [], []
         for law, kind, found in every:
             whole = found[WHOLE][WHOLE]
@@ -86,12 +95,11 @@ class Scores(ShownResult):
     def head(self) -> list[str]:
         """What it is the result of, in two lines."""
         protocol = self.protocol
-        first = next(iter(next(iter(self.runs.values())).values()))
         seeds = 'public samples' if self.phrase is None else f'samples of "{self.phrase}"'
         what = f'protocol {protocol.version} ({protocol.digest[:12]}), {seeds}'
         quick = ' A first look (--quick), not the protocol.' if protocol.quick else ''
         return [
-            f'{what}, {len(first)} runs of each law with its default and its tuned gains.{quick}',
+            f'{what}, {self.count} runs of each law with its default and its tuned gains.{quick}',
             'score: least error of any controller at the chattering of the run, over its true '
             'error; median of the runs, and the 5 % tail, with 95 % intervals',
         ]
@@ -101,7 +109,7 @@ class Scores(ShownResult):
         protocol = self.protocol
         laws: dict[str, Any] = {}
         sources = self.laws.sources()
-        for law, kind, found in self.summaries():
+        for law, kind, found in self.summaries:
             entry = laws.setdefault(law, {'source': sources[law]})
             entry[kind] = {
                 label: {value: as_data(each) for value, each in of_label.items()}

@@ -44,6 +44,11 @@ def draw(results: Mapping[str, ScenarioResult]) -> dict[str, bytes]:
     for panel, height, (scenario, result) in zip(panels, heights, results.items(), strict=True):
         _draw_panel(panel, result, LINE / (height - MARGIN))
         panel.set_title(without_mathematics(scenario), fontsize=10)
+    return encoded(figure)
+
+
+def encoded(figure: Figure) -> dict[str, bytes]:
+    """A figure by suffix, as PNG and as PDF, of the same bytes at all times."""
     pictures = {}
     for suffix in ('png', 'pdf'):
         stream = io.BytesIO()

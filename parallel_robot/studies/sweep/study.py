@@ -121,19 +121,18 @@ class Study:
         )
 
 
-def file_of(name: str) -> Path:
-    """The file of a study: a path, or the name of one in config/studies.
+def file_of(name: str, kind: str = 'study', folder: str = 'studies') -> Path:
+    """The file of a study, or of another kind: a path, or the name of one in a folder of config.
 
     Raises:
         InputError: there is no such file.
     """
-    folder = config.directory() / 'studies'
-    known = {path.stem: path for path in folder.glob('*.yaml')}
+    known = {path.stem: path for path in (config.directory() / folder).glob('*.yaml')}
     if name in known:
         return known[name]
     path = Path(name)
     if path.suffix not in ('.yaml', '.yml') and '/' not in name:
-        raise UnknownNameError('study', name, known)
+        raise UnknownNameError(kind, name, known)
     return path
 
 

@@ -63,8 +63,8 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
     for scenario, result in results.items():
         parts.append(f'<h2>{html.escape(scenario)}</h2>')
         for title, found in _tables(result, title_of):
-            parts.append(f'<h3>{html.escape(title)}</h3><table>{_cells(found.head, "th")}')
-            parts += [_cells(row, 'td') for row in found.rows]
+            parts.append(f'<h3>{html.escape(title)}</h3><table>{cells(found.head, "th")}')
+            parts += [cells(row, 'td') for row in found.rows]
             parts.append('</table>')
         for law, of_law in result.laws.items():
             for why, count in of_law.reasons.items():
@@ -211,5 +211,6 @@ def _ends(estimate: Estimate) -> tuple[float, float, float]:
     return estimate.value, estimate.low, estimate.high
 
 
-def _cells(row: Sequence[str], tag: str) -> str:
+def cells(row: Sequence[str], tag: str) -> str:
+    """A row of a table in HTML; `tag` of its cells, th or td."""
     return '<tr>' + ''.join(f'<{tag}>{html.escape(cell)}</{tag}>' for cell in row) + '</tr>'
