@@ -148,7 +148,7 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
     controller, commands = node(ControllerNode, topics.COMMANDS)
     answered = []
 
-    @settings(max_examples=100)
+    @settings(max_examples=120)
     @given(st.lists(MESSAGE, min_size=BATCH, max_size=BATCH))
     def check(messages):
         commands.clear()
@@ -169,7 +169,7 @@ def test_no_message_stops_the_controller_or_spoils_its_torque(node):
         answered.append(spoilt)
 
     check()
-    assert sum(answered) > 100  # some of it was no nonsense; how much follows from the examples
+    assert sum(answered) > 200  # some of it was no nonsense
     reasons = '; '.join(controller.counts)
     for reason in ('missing', 'named twice', 'not finite', 'short', 'not a message', 'in ns'):
         assert reason in reasons
