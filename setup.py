@@ -80,7 +80,7 @@ setup(
     package_data={
         'parallel_robot.bags': ['*.json'],
         'parallel_robot.analysis.report': ['templates/*'],
-        'parallel_robot.fmu': ['c/*'],
+        'parallel_robot.fmu': ['c/*', 'ros2_control/*'],
         'parallel_robot.live': ['static/*.*', 'static/uplot/*'],
     },
     data_files=[

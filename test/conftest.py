@@ -33,7 +33,8 @@ PROCESSES = (  # tests that start processes
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
     *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
-    *('rehearse', 'replay', 'report', 'rerun', 'run', 'run_log', 'safety_nodes', 'show', 'start'),
+    *('rehearse', 'replay', 'report', 'rerun', 'ros2_control', 'run', 'run_log', 'safety_nodes'),
+    *('show', 'start'),
     *('state_period', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
 LONG = (  # tests that take as long as all others without processes together

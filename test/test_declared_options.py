@@ -21,6 +21,7 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'study': 'no_such_study',
     'scenario': 'no_such_scenario',
     'machine': 'no_such_machine',
+    'ros2_control': '{tmp}/file',
     'topics': 'no_such=/topic',
     'joints': 'a',
     'run': 'no_such_scenario',
@@ -90,6 +91,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'fmu': [
         ('law', 'pid', '--out', '{tmp}/out.fmu'),
         ('plant', 'paper_circle', '--out', '{tmp}/out.fmu'),
+        ('law', 'pid', '--ros2-control', '{tmp}/law'),
     ],
     'urdf': [('paper_circle',)],
     'sweep': [('uncertain_robot', *OUT)],
@@ -119,6 +121,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.compare.simulation.attempt',
     'parallel_robot.cli.commands.verify.verify',
     'parallel_robot.cli.commands.fmu.unit',
+    'parallel_robot.cli.commands.fmu.ros2_package',
     'parallel_robot.studies.identification.design.design',
     'parallel_robot.studies.calibration.design.choose',
     'parallel_robot.live.started_graph.NodeProcesses',

@@ -6,7 +6,7 @@ import contextlib
 import errno
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -95,6 +95,26 @@ def _rename(draft: Path, path: Path) -> None:
         if path.exists():
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
         draft.rename(path)
+
+
+def save_directory(path: Path, contents: Mapping[str, bytes]) -> None:
+    """Write the directory that a command was asked for, which must not exist.
+
+    Raises:
+        InputError: it exists or cannot be written there.
+        RunError: the disk is full.
+    """
+    try:
+        with tempfile.TemporaryDirectory(dir=path.absolute().parent) as folder:
+            draft = Path(folder) / path.name
+            for name, content in contents.items():
+                (draft / name).parent.mkdir(parents=True, exist_ok=True)
+                write(draft / name, content)
+            path.mkdir()  # none that exists, not even an empty one, is replaced
+            draft.rename(path)
+    except OSError as error:
+        kind = RunError if error.errno in FULL else InputError
+        raise kind(f'cannot write {path}: {error.strerror}') from None
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ import uuid
 import zipfile
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from parallel_robot.fmu.contents import Contents
 from parallel_robot.fmu.description import description
@@ -46,18 +46,12 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
     Raises:
         InputError: there is no gcc, the system is another one, or a kernel makes arrays.
     """
-    system = f'{platform.system()} {platform.machine()}'
-    if system != SYSTEM:
-        raise InputError(f'an FMU is made of the code of this process: on {SYSTEM}, not {system}')
     if shutil.which(COMPILER) is None:
         raise InputError(f'{COMPILER} is missing: it links the FMU; install it')
-    native = native_object(contents.entries, contents.root)
-    table = _table(contents, native.image)
-    digest = hashlib.sha256(native.content + table.encode()).hexdigest()
-    token = str(uuid.uuid5(uuid.NAMESPACE_OID, digest))
-    library = _library(native.content, table.replace(TOKEN, token), version)
+    code = code_of(contents)
+    library = _library(code.kernels, code.table, version)
     described = description(
-        version, name, token, contents.text, contents.variables, contents.period, duration
+        version, name, code.token, contents.text, contents.variables, contents.period, duration
     )
     parts = {
         'modelDescription.xml': described,
@@ -69,6 +63,36 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
         for path, content in parts.items():
             archive.writestr(zipfile.ZipInfo(path), content, zipfile.ZIP_DEFLATED)
     return packed.getvalue()
+
+
+class Code(NamedTuple):
+    """The native code of a unit.
+
+    Attributes:
+        kernels: Its kernels as an object file.
+        table: The table of its variables, in C.
+        token: What binds its description to it.
+    """
+
+    kernels: bytes
+    table: str
+    token: str
+
+
+def code_of(contents: Contents) -> Code:
+    """The kernels of a unit and the table of its variables.
+
+    Raises:
+        InputError: the system is another one, or a kernel makes arrays.
+    """
+    system = f'{platform.system()} {platform.machine()}'
+    if system != SYSTEM:
+        raise InputError(f'native code is that of this process: on {SYSTEM}, not {system}')
+    native = native_object(contents.entries, contents.root)
+    table = _table(contents, native.image)
+    digest = hashlib.sha256(native.content + table.encode()).hexdigest()
+    token = str(uuid.uuid5(uuid.NAMESPACE_OID, digest))
+    return Code(native.content, table.replace(TOKEN, token), token)
 
 
 def identifier(text: str) -> str:

@@ -1,4 +1,4 @@
-"""The command ``fmu``: a law or the simulated robot as an FMU, native code without Python."""
+"""The command ``fmu``: a law or the simulated robot as native code without Python."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.fmu.contents import Contents, law_contents, plant_contents
+from parallel_robot.fmu.ros2_package import ros2_package
 from parallel_robot.fmu.unit import identifier, unit
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
@@ -34,17 +35,27 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_set_argument(parser)
     parser.add_argument('--fmi', type=int, choices=(2, 3), default=2, help='default 2: FMI 2.0')
-    parser.add_argument('--out', type=Path, required=True, metavar='FILE', help='must not exist')
+    target = parser.add_mutually_exclusive_group(required=True)
+    target.add_argument('--out', type=Path, metavar='FILE', help='the FMU; must not exist')
+    target.add_argument(
+        '--ros2-control',
+        type=Path,
+        metavar='DIR',
+        help='in place of an FMU of a law a ROS 2 package, a controller of ros2_control in C++',
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    new_files.check(arguments.out, '--out')
+    place = arguments.out or arguments.ros2_control
+    new_files.check(place, '--out' if arguments.out else '--ros2-control')
     changed: Any = given(arguments)
     scenario = arguments.name
     if arguments.kind == 'law':
         changed = merged([changed, _chosen(arguments.name)])
         scenario = arguments.scenario or SCENARIO
+    elif arguments.ros2_control:
+        raise InputError('--ros2-control is for a law, not for a plant')
     elif arguments.scenario:
         raise InputError(f'--scenario is for a law; the plant is that of {arguments.name}')
     values = resolve(scenario_of(scenario), changed)
@@ -56,17 +67,19 @@ def execute(arguments: argparse.Namespace) -> int:
             if arguments.kind == 'law'
             else plant_contents(configuration.plant)
         )
-        content = unit(
-            contents,
-            identifier(arguments.out.stem),
-            arguments.fmi,
-            STEPS * contents.period,
-        )
-    new_files.save(arguments.out, content)
+        if arguments.ros2_control:
+            package = ros2_package(contents, configuration.control, place.name)
+            new_files.save_directory(place, package)
+            made = f'package {place}, {place.name}/LawController'
+        else:
+            content = unit(
+                contents, identifier(place.stem), arguments.fmi, STEPS * contents.period
+            )
+            new_files.save(place, content)
+            made = f'fmu     {place}, FMI {arguments.fmi}.0, {len(content) / 1e3:.0f} kB'
     roles = [each.role for each in contents.variables]
     print(
-        f'fmu     {arguments.out}, FMI {arguments.fmi}.0, {len(content) / 1e3:.0f} kB, '
-        f'{roles.count("input")} inputs, {roles.count("output")} outputs, '
+        f'{made}, {roles.count("input")} inputs, {roles.count("output")} outputs, '
         f'{roles.count("parameter")} tunable parameters, {time.monotonic() - begun:.1f} s'
     )
     return 0
