@@ -13,22 +13,19 @@ HEAD = """\
 
 Written by `make bench`, which runs all of [benchmarks/](../benchmarks) in turn and keeps every
 figure in `runs/bench_DATE.json`. A peer is measured in the same process or in turns, and a ratio
-is that of one round, so that other work on the machine harms both alike. Each figure is the
-median of its rounds; with it stand the smallest, the largest and how many rounds there were. A
-target is what we ask of the median.
+is that of one round. Each figure is the median of its rounds; with it stand the smallest, the
+largest and how many rounds there were. A target is what we ask of the median.
 """
 TEXTS = {
     'kernels': (
         'Plant and closed loop, beside MuJoCo',
         """\
 Time of a step of 1 ms of the simulated robot, without ROS. The peer is MuJoCo with the same
-robot (three two-link legs held to the platform by constraints), the same step and viscous
-friction, stepped by its own loop in C, `mj_step(model, data, n)`; it has no controller. Ours is
-a compiled loop: *plant* is the robot alone under a constant torque, with Coulomb friction as
-well, *closed loop* also S-FOTSMC, the estimate of the pose, all limits and safety checks and the
-record of the run. A call costs something whatever its length: arguments are passed to compiled
-code. A second late in an hour of motion must cost what the first did, and memory must not grow;
-the hour runs second by second, and its record is dropped.""",
+robot (three two-link legs held to the platform by constraints), step and viscous friction, in its
+own loop in C, without a controller. *Plant* is the robot alone under a constant torque, with
+Coulomb friction as well, *closed loop* also S-FOTSMC, the estimate of the pose, all limits and
+safety checks and the record of the run. The hour runs second by second: a late one must cost what
+the first did, and memory must not grow.""",
     ),
     'machines': (
         'Machines from descriptions, beside MuJoCo and Pinocchio',

@@ -293,12 +293,10 @@ def section(found: Sequence[Cell], laws: Sequence[str]) -> str:
     circle = [cell for cell in found if cell.scenario == 'paper_circle']
     wrong = [(cell, text) for cell in sorted(circle, key=_by_kind) for text in failures(cell)]
     lines = [
-        f'{len(found)} simulations by `benchmarks/hazards.py`, without ROS: {len(laws)} laws, each'
-        f' hazard for {", ".join(f"{each:g}" for each in DURATIONS)} s on the circle of the paper;'
-        ' the worst of all laws and durations. A hazard that is too short need not be told.'
-        ' A fault is cleared 1.5 s after the end of the hazard. Torques are shares of what an'
-        ' approach from the same place and speed takes, with an empty memory. Runs that stay in'
-        ' their fault until a person helps the robot are not judged by distance.',
+        f'The worst of {len(circle)} simulations by `benchmarks/hazards.py`: {len(laws)} laws,'
+        f' each hazard for {", ".join(f"{each:g}" for each in DURATIONS)} s on the circle of the'
+        ' paper, with faults cleared 1.5 s later. Torques are shares of what an approach from the'
+        ' same place and speed takes. Runs that stay in their fault are not judged by distance.',
         '',
         '![How far the robot goes and what the way back takes, by hazard and duration]'
         '(images/hazards.png)',
@@ -325,10 +323,9 @@ def others(found: Sequence[Cell]) -> list[str]:
         for scenario in ARMS
     )
     lines = [
-        f'The arm falls while nothing holds it, and the axes go on: with up to {arm:.1f} and'
-        f' {axes:.1f} rad/s after {BRIEF:g} s. When torque acts again they must be braked first,'
-        ' so they go further than while the hazard lasted; an arm that has fallen hangs stretched,'
-        ' in its singularity, until a person moves it.',
+        f'The arm falls while nothing holds it, and the axes go on, with up to {arm:.1f} and'
+        f' {axes:.1f} rad/s after {BRIEF:g} s: so they go further than while the hazard lasted. An'
+        ' arm that has fallen hangs stretched, in its singularity, until a person moves it.',
         '',
         '| scenario | hazard | further than while it lasts, at most | torque after it |'
         ' faults at the end |',

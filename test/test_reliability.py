@@ -121,6 +121,8 @@ def test_a_row_of_the_table_says_what_failed():
     assert page.row(bad) in text and page.row(good) not in text
     assert 'Ridden through with at most 42 µm and 1.8 N m: 5 ms late.' in text
     assert page.faults([good], []).endswith('Nothing that must not happen happened.')
+    several = [good, good._replace(fault='none'), good._replace(fault='10 ms late')]
+    assert page.ridden_through(several).endswith(' N m: 5, 10 ms late; none.')
 
 
 def test_a_section_is_written_without_touching_the_others(tmp_path):

@@ -55,10 +55,15 @@ def is_quiet(outcome: Outcome) -> bool:
 
 
 def ridden_through(quiet: Sequence[Outcome]) -> str:
-    """The faults of which nothing came, in one sentence."""
+    """The faults of which nothing came, in one sentence; those that differ in a number as one."""
     worst = length(max(outcome.worst for outcome in quiet))
     torque = max(outcome.torque for outcome in quiet)
-    names = '; '.join(outcome.fault for outcome in quiet)
+    kinds: dict[str, list[str]] = {}
+    for outcome in quiet:
+        number = re.search(r'\d+', outcome.fault)
+        kind = re.sub(r'\d+', '#', outcome.fault, count=1)
+        kinds.setdefault(kind, []).append(number[0] if number else '')
+    names = '; '.join(kind.replace('#', ', '.join(numbers)) for kind, numbers in kinds.items())
     return f'Ridden through with at most {worst} and {torque:.1f} N m: {names}.'
 
 
