@@ -161,6 +161,15 @@ def test_refuses_values_out_of_range_and_other_steps(law):
     unit.step()
 
 
+def test_takes_steps_that_a_master_subtracts_after_days(law):
+    unit = Unit(law)
+    for k in (1, 100_000_000, 1_000_000_000):  # times round steps
+        unit.time = k * PERIOD
+        unit.step((k + 1) * PERIOD - k * PERIOD)
+    with pytest.raises(Exception, match='status 3'):
+        unit.step(1.001 * PERIOD)
+
+
 def test_parameters_have_unit_range_text_and_start(law):
     root = ElementTree.parse(law / 'modelDescription.xml').getroot()
     found = {each.get('name'): each for each in root.find('ModelVariables')}

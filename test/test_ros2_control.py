@@ -45,9 +45,10 @@ class Host:
               file=self.process.stdin, flush=True)  # fmt: skip
         return self.process.stdout.readline().strip()
 
-    def begin(self, joints=JOINTS, rate=1000):
+    def begin(self, joints=JOINTS, rate=1000, joins=0):
         """Until it is configured and has its interfaces."""
         assert self('joints', *joints) == 'taken'
+        assert joins is None or self('flag', 'joins', joins) == 'taken'
         assert self('init', rate) == 'success'
         said = self('configure')
         self('claim')
@@ -57,11 +58,10 @@ class Host:
         """Tell a reference, rows of shape (3, n)."""
         return self('reference', stamp, len(joints), *joints, *map(float, np.ravel(rows)))
 
-    def cycle(self, now, position, velocity, effort=None):
+    def cycle(self, now, position, velocity):
         """One cycle; its torques, shape (n,)."""
-        rows = {'position': position, 'velocity': velocity, 'effort_measured': effort}
-        for kind in ('position', 'velocity'):
-            for joint, value in zip(JOINTS, rows[kind], strict=True):
+        for kind, row in {'position': position, 'velocity': velocity}.items():
+            for joint, value in zip(JOINTS, row, strict=True):
                 self('set', f'{joint}/{kind}', float(value))
         said, *torques = self('update', now).split()
         assert said == 'ok'
@@ -145,6 +145,18 @@ def test_a_reference_of_before_is_carried_to_the_state(host, run):
         torques.append(host.cycle(now, run.position[0], run.velocity[0]))
     assert np.allclose(*torques, rtol=0, atol=1e-9)
     assert np.any(torques[0] != 0.0)
+
+
+def test_where_the_robot_is_elsewhere_it_begins_there(program, run):
+    away = run.position[0] + 0.02
+    torques = []
+    for joins in (0, None):
+        with Host(program) as host:
+            host.begin(joins=joins)
+            host.refer(0, rows(run, 0))
+            assert host('activate', 0) == 'success'
+            torques.append(np.abs(host.cycle(0, away, np.zeros(3))).max())
+    assert torques[0] > 1.0 and torques[1] < 0.1 * torques[0], torques
 
 
 def test_it_begins_with_a_reference_alone_and_at_its_rate(program, run):

@@ -89,6 +89,11 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
             'effort_known', 'parameter', 'boolean', 'whether effort is measured', '', 0.0, 0.0,
             1.0, last + WORD * law_kernel.EFFORT_KNOWN,
         ),
+        Variable(
+            'joins', 'parameter', 'boolean', 'whether the law begins where the robot is, its '
+            'torque with what acts; else as at a common start', '', 0.0, 0.0, 1.0,
+            last + WORD * law_kernel.JOINS,
+        ),
         *rows.of(law_kernel.TORQUE, 'torque', 'output', 'N m', 'commanded torque'),
         *rows.of(
             law_kernel.SLIDING_VARIABLE, 'sliding_variable', 'output', '',

@@ -6,9 +6,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_control.approach import BACK
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, When, run_cycle
+from parallel_robot_control.cycle import CycleState, When, run_cycle, taking_over
 from parallel_robot_model.compiler import (
     Boxed,
     KeptValue,
@@ -34,8 +35,8 @@ POSITION, VELOCITY, EFFORT, REFERENCE, TORQUE, SLIDING_VARIABLE, COUPLED_ERROR =
 )
 ROWS = 9  # the reference has three
 # and numbers behind them.
-AGE, EFFORT_KNOWN, SAMPLE, FAULT, CAUSE, ACTED = range(6)
-NUMBERS = 6
+AGE, EFFORT_KNOWN, JOINS, SAMPLE, FAULT, CAUSE, ACTED = range(7)
+NUMBERS = 7
 
 
 class LawInstance(NamedTuple):
@@ -92,6 +93,18 @@ def answer_state(instance: LawInstance) -> int:
     known = read_at(values, first + EFFORT_KNOWN, 0.0) != 0.0
     effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
     sample = int(read_at(values, first + SAMPLE, 0.0))
+    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see transitions.joining
+        last = taking_over(state.last, select(known, effort, state.last.torque))
+        state = CycleState(
+            state.pose,
+            last,
+            state.excess,
+            state.held,
+            state.fault,
+            state.estimated,
+            BACK,
+            state.lost,
+        )
     cycle = run_cycle(
         instance.setup,
         desired,

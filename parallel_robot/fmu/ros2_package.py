@@ -27,6 +27,7 @@ FIRST = {  # variables of the first joint, by their names in C
     'reference.velocity[1]': 'REFERENCE_VELOCITY',
     'reference.acceleration[1]': 'REFERENCE_ACCELERATION',
     'effort_known': 'EFFORT_KNOWN',
+    'joins': 'JOINS',
     'torque[1]': 'TORQUE',
     'fault': 'FAULT',
 }

@@ -56,7 +56,7 @@ int main()
       std::cout << "taken";
     } else if (what == "flag") {
       words >> name;
-      node->overrides[name] = true;
+      node->overrides[name] = number(words) != 0.0;
       std::cout << "taken";
     } else if (what == "joints") {
       for (joints.clear(); words >> name;) {

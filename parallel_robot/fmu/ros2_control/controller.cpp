@@ -57,7 +57,7 @@ public:
       for (std::int64_t k = 0; k < variable_count; ++k) {
         const Variable & each = variables[k];
         if (each.role == PARAMETER && each.kind == BOOLEAN) {
-          auto_declare<bool>(each.name, each.value != 0.0);
+          auto_declare<bool>(each.name, each.value != 0.0 || k == layout::JOINS);
         } else if (each.role == PARAMETER && each.kind == INTEGER) {
           auto_declare<std::int64_t>(each.name, static_cast<std::int64_t>(each.value));
         } else if (each.role == PARAMETER) {
