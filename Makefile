@@ -14,8 +14,9 @@ WARM := import logging, sys; \
   from parallel_robot_sim.simulator import Simulator; \
   from trajectory_gen.configuration import motions_of; \
   values = resolve('paper_circle'); \
-  whole = configure(values); \
-  Controller(whole.control); Simulator(whole.plant).warm(); motions_of(values).load()
+  whole = configure(values);
+WARM_CONTROLLER := Controller(whole.control)
+WARM_OTHERS := Simulator(whole.plant).warm(); motions_of(values).load()
 OF_TOOLS := from importlib.metadata import requires; \
   print(*(line.partition(";")[0] for line in requires("parallel_robot") if "test" in line.partition(";")[2]), sep="\n")
 TESTS := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
@@ -113,8 +114,11 @@ $(INSTALLED): $(DEPENDENCIES)
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
-	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
-	$(BIN)/parallel_robot simulate paper_circle --duration 0.1 --out "$$warm/run" > /dev/null && \
-	$(BIN)/parallel_robot analyze "$$warm/run" > /dev/null && \
-	cd "$$warm" && '$(abspath $(BIN))/python' -c "$(WARM)"
+	@warm=$$(mktemp -d) && trap 'kill $$other 2> /dev/null; rm -rf "$$warm"' EXIT && \
+	bin='$(abspath $(BIN))' && cd "$$warm" && \
+	{ "$$bin/python" -c "$(WARM) $(WARM_CONTROLLER)" & other=$$!; } && \
+	"$$bin/parallel_robot" simulate paper_circle --duration 0.1 --out run > /dev/null && \
+	"$$bin/parallel_robot" analyze run > /dev/null && \
+	"$$bin/python" -c "$(WARM) $(WARM_OTHERS)" && \
+	wait $$other && other=
 	@touch $@
