@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import clip, kernel, select, some, vector
+from parallel_robot_model.compiler import clip, inner, kernel, select, some, vector
 from parallel_robot_sim.delay_line import (
     COMMAND,
     DISTURBANCE,
@@ -69,6 +69,13 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
     return clip(select(failed, faulty, torque), -limit, limit)
 
 
+@inner
+def cogging(setup: Any, position: Array) -> Array:
+    """Cogging of motors at their angles, `position` [rad]; torques [N m], shape (n,)."""
+    load = setup.imperfections.load
+    return vector(load.ripple) * np.sin(load.ripple_periods * position)
+
+
 @kernel
 def held_disturbance(setup: Any, position: Array, time: float, period: float) -> Array:
     """Torque that opposes the motors over a period [N m], shape (n,): all but the sine.
@@ -88,9 +95,8 @@ def held_disturbance(setup: Any, position: Array, time: float, period: float) ->
     end = (load.pulse_start + load.pulse_duration) / period - EARLY
     torque = vector(load.constant)
     torque = torque + select((sample >= begin) & (sample < end), 1.0, 0.0) * vector(load.pulse)
-    ripple = vector(load.ripple)
-    if some(ripple != 0.0):
-        torque = torque + ripple * np.sin(load.ripple_periods * position)
+    if some(vector(load.ripple) != 0.0):
+        torque = torque + cogging(setup, position)
     drawn = normals(setup.imperfections.seed, sample, OF_LOAD, setup.imperfections.draws, position)
     left = math.exp(-2.0 * math.pi * load.bandwidth * period)
     left = select(load.bandwidth > 0.0, left, 0.0)

@@ -16,6 +16,8 @@ from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.processes.custom_module import blaming
 from parallel_robot_model.robots.robot_checks import refuse_mistakes
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.drive_step import with_steps
+from parallel_robot_sim.drives import yielding
 from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.motor_timeout import Patience
 from parallel_robot_sim.plant import MUJOCO, PlantSetup, PlantState, stepping
@@ -77,7 +79,13 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
     robot, loop = configuration.robot, configuration.loop
     hazards = _hazards(configuration)
     module, parameters = robot.module, robot.parameters
-    load = Boxed(configuration.load)
+    imperfections = configuration.imperfections
+    drive = imperfections.drive
+    flexible = imperfections.on and drive.on
+    if flexible and configuration.parameters.engine == MUJOCO:
+        raise InputError('compliance and stiction need plant.engine analytic', 'plant.engine')
+    loads = configuration.load
+    load = Boxed(loads._replace(friction=yielding(drive)) if flexible else loads)
     pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
     with blaming(robot.name):
         start = vector(module.start(parameters, pose))
@@ -89,7 +97,7 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         stepping(configuration.parameters),
         robot.constants,
         load,
-        Boxed(configuration.imperfections.with_memory(torque)),
+        Boxed(imperfections.with_memory(torque)),
         Boxed(
             Patience(
                 max(1, round(configuration.parameters.command_timeout / loop.period)),
@@ -98,7 +106,12 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         ),
         Boxed(table_of(hazards, loop.joints, loop.period)),
     )
-    return Plant(setup, PlantState(start, still, torque, 0.0), hazards, configuration.safety)
+    state = PlantState(start, still, torque, 0.0)
+    if flexible:
+        fine = with_steps(drive, setup, state, loop.period, setup.stepping.substeps)
+        boxed = Boxed(imperfections._replace(drive=fine).with_memory(torque))
+        setup = setup._replace(imperfections=boxed)
+    return Plant(setup, state, hazards, configuration.safety)
 
 
 def _hazards(configuration: PlantConfiguration) -> tuple[Hazard, ...]:

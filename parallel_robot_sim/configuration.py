@@ -18,6 +18,7 @@ from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
+from parallel_robot_sim.drives import ComplianceParameters, StictionParameters, drive_of
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     Imperfections,
@@ -74,6 +75,8 @@ DECLARED = (
     ('sensor', SensorParameters),
     ('actuator', ActuatorParameters),
     ('disturbance', LoadParameters),
+    ('compliance', ComplianceParameters),
+    ('stiction', StictionParameters),
 )
 
 
@@ -137,11 +140,21 @@ def _plant_from(
             raise InputError(f'{key} must be {key.removeprefix("true_")}, {nominal}', key)
     parameters = groups.at('true_robot', robot.Parameters)
     sensor, actuator = groups[SensorParameters], groups[ActuatorParameters]
+    friction = groups[FrictionParameters]
+    true = robot_with(robot, loop, parameters, 'true_robot')
     return PlantConfiguration(
         loop,
-        robot_with(robot, loop, parameters, 'true_robot'),
+        true,
         groups[PlantParameters],
-        JointLoad(groups[FrictionParameters], groups[DisturbanceParameters]),
+        JointLoad(friction, groups[DisturbanceParameters]),
         groups[SafetyParameters],
-        imperfections(loop.seed, loop.period, sensor, actuator, groups[LoadParameters]),
+        imperfections(
+            loop.seed,
+            loop.period,
+            sensor,
+            actuator,
+            groups[LoadParameters],
+            drive_of(groups[ComplianceParameters], groups[StictionParameters], friction),
+            true.joint_units.slides,
+        ),
     )

@@ -15,7 +15,7 @@ from parallel_robot_model.compiler import inner, read_at, select, write_at
 from parallel_robot_sim.random_numbers import whole_number
 
 # Kinds of vectors,
-POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE, EFFORT = range(6)
+POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE, EFFORT, ROTOR, ROTOR_RATE, BRISTLES = range(9)
 # and streams of random numbers.
 OF_POSITION, OF_VELOCITY, OF_TORQUE, OF_LOAD, OF_STATES, OF_COMMANDS = range(6)
 

@@ -76,13 +76,16 @@ class IdealTorque:
 
         period = self._plant.loop.period
         # 1. What moves the robot against viscous friction is smooth: few points of it will do.
-        middles, position, velocity = _middles(self._trajectory, period, first, stop)
+        middles, position, velocity, acceleration = _middles(self._trajectory, period, first, stop)
         begin, end = np.searchsorted(self._points, middles[[0, -1]])
         times = self._points[max(begin - BESIDE, 0) : end + BESIDE]
         motion = performed(self._trajectory, self._smooth, times, self._assembled)
         degree = min(3, len(motion.times) - 1)
         spline = make_interp_spline(motion.times + 0.5 * period, motion.torque, degree)
         torque = np.ascontiguousarray(spline(middles))
+        drive = self._plant.imperfections.drive
+        if drive.on:  # rotors turn as their joints do, but for what their gears give way
+            torque = torque + np.array(drive.rotor_inertia) * acceleration
         # 2. Dry friction and disturbances are not.
         friction, disturbance = self._plant.load
         still = PerJoint((0.0,) * len(self._plant.loop.joints))
@@ -97,11 +100,11 @@ class IdealTorque:
 @functools.lru_cache(maxsize=2)
 def _middles(
     trajectory: Trajectory, period: float, first: int, stop: int
-) -> tuple[Array, Array, Array]:
-    """The middle of the step before samples [s], joints [rad] and their rates [rad/s] there."""
+) -> tuple[Array, Array, Array, Array]:
+    """The middle of the step before samples [s], joints with two derivatives [rad, s] there."""
     middles = np.maximum(np.arange(first, stop) - 0.5, 0.0) * period
     motion = trajectory.sample(middles)
-    return middles, motion.position, motion.velocity
+    return middles, motion.position, motion.velocity, motion.acceleration
 
 
 @kernel

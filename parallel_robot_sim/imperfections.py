@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -12,9 +13,11 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import Space
 from parallel_robot_model.configuration.fields import Field, PerJoint, check
+from parallel_robot_sim.drives import Drive
 
-KINDS = 6  # of vectors that the plant remembers, see memory.py
+KINDS = 9  # of vectors that the plant remembers, see memory.py
 MAX_DELAY = 0.1  # s, of a delay
+ENCODERS = 'sensor.resolution', 'sensor.counts_per_turn'  # what positions in steps come from
 
 
 class SensorParameters(NamedTuple):
@@ -26,6 +29,10 @@ class SensorParameters(NamedTuple):
     position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0)]
     velocity_noise: Annotated[PerJoint, Field('rad/s', 'noise of the velocities, rms', 0.0)]
     resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0)]
+    counts_per_turn: Annotated[
+        PerJoint,
+        Field('', 'steps of the encoders in a turn, in place of resolution; 0: none', 0.0),
+    ]
     differentiate: Annotated[
         bool, Field('', 'velocity: difference of two measured positions over the period')
     ]
@@ -42,7 +49,7 @@ class SensorParameters(NamedTuple):
 
 
 class Sensor(NamedTuple):
-    """The parameters as the kernels take them: all but the text."""
+    """The parameters as the kernels take them: all but the text, and steps by their size."""
 
     zero_angle: PerJoint
     position_noise: PerJoint
@@ -96,6 +103,7 @@ class Imperfections(NamedTuple):
         sensor: What the states tell.
         actuator: What the motors make of the commands.
         load: Disturbances.
+        drive: Gears and bristles.
         memory: Address of the space for what the plant remembers, see memory.py.
         draws: Address of the space for random numbers.
     """
@@ -107,6 +115,7 @@ class Imperfections(NamedTuple):
     sensor: Sensor
     actuator: ActuatorParameters
     load: LoadParameters
+    drive: Drive
     memory: int = 0
     draws: int = 0
 
@@ -122,11 +131,23 @@ def imperfections(
     sensor: SensorParameters,
     actuator: ActuatorParameters,
     load: LoadParameters,
+    drive: Drive,
+    slides: tuple[bool, ...] = (),
 ) -> Imperfections:
-    """Put them together; `period` of the samples [s].
+    """Put them together.
+
+    Args:
+        seed: Of the random numbers.
+        period: Of the samples [s].
+        sensor: What the states tell.
+        actuator: What the motors make of commands.
+        load: Disturbances.
+        drive: Gears and bristles.
+        slides: Whether each joint is a slide; empty: all are hinges.
 
     Raises:
-        InputError: jitter, with stamps that tell when states were measured.
+        InputError: jitter, with stamps that tell when states were measured; steps of an encoder
+            both by their size and their number, fewer than one, or in a turn of a slide.
     """
     told = sensor.stamp == 'measured'
     if told and sensor.jitter > 0.0:
@@ -135,17 +156,18 @@ def imperfections(
             f'{sensor.jitter:g}: a state that comes late would come twice',
             'sensor.jitter',
         )
-    sensing = Sensor(*sensor[:-1])
+    told_by = {name: getattr(sensor, name) for name in Sensor._fields}
+    sensing = Sensor(**told_by | {'resolution': _steps(sensor, slides)})
     whole = np.not_equal(actuator.effectiveness, 1.0).any()
     acting = actuator._replace(effectiveness=PerJoint((0.0,)), fault_time=0.0)
     loading = (load.constant, load.pulse, load.noise, load.ripple)
-    on = whole or any(np.any(each) for each in (*sensing, *acting, *loading))
+    on = whole or drive.on or any(np.any(each) for each in (*sensing, *acting, *loading))
     late = [
         _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensing, acting)
     ]
     age = _samples(sensor.delay, period) * round(period * NANOSECONDS) / NANOSECONDS
     return Imperfections(
-        bool(on), max(late), age if told else 0.0, float(seed), sensing, actuator, load
+        bool(on), max(late), age if told else 0.0, float(seed), sensing, actuator, load, drive
     )
 
 
@@ -163,6 +185,26 @@ def reported_age(values: Mapping[str, Any]) -> int:
     period, within = float(values['period']), Field('s', '', 0.0, MAX_DELAY)
     delay = check('sensor.delay', float, within, values.get('sensor.delay'))
     return _samples(delay, period) * round(period * NANOSECONDS)
+
+
+def _steps(sensor: SensorParameters, slides: tuple[bool, ...]) -> PerJoint:
+    """Steps of the encoders [rad]; 0: none."""
+    size, key = ENCODERS
+    steps = list(sensor.resolution)
+    for joint, counts in enumerate(sensor.counts_per_turn):
+        if not counts:
+            continue
+        if counts < 1.0:
+            what = f'{key} must be 0 or at least 1, not {counts:g} (joint {joint + 1})'
+            raise InputError(what, key)
+        if steps[joint]:
+            both = f'{key} and {size} are the same: one must be 0 (joint {joint + 1})'
+            raise InputError(both, key)
+        if slides and slides[joint]:
+            what = f'{key} must be 0 where a joint slides, not {counts:g} (joint {joint + 1})'
+            raise InputError(f'{what}; {size} is in m', key)
+        steps[joint] = 2.0 * math.pi / counts
+    return PerJoint(tuple(steps))
 
 
 def _samples(time: float, period: float) -> int:

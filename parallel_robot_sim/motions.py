@@ -19,15 +19,17 @@ from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course
+from parallel_robot_sim.drives import JOINT
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.messages import ReportedEffort
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.trajectory import Reference
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
+GEARS = 'compliance.stiffness'  # where sensors are at the motors
 UNTRUE = (
     'sensor.zero_angle', 'estimator.zero_angle', 'sensor.position_noise', 'sensor.resolution',
-    'sensor.delay', 'sensor.jitter', 'hazards',
+    'sensor.counts_per_turn', 'sensor.delay', 'sensor.jitter', GEARS, 'hazards',
 )  # fmt: skip
 AS_TOLD = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
@@ -137,7 +139,9 @@ class Motions(NamedTuple):
 
 def untrue(values: Mapping[str, Any]) -> list[str]:
     """Parameters of a resolved configuration by which told joints are not the true ones."""
-    return [key for key in UNTRUE if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
+    ideal = {GEARS} if values.get('compliance.sensor') == JOINT else set()
+    keys = (key for key in UNTRUE if key not in ideal)
+    return [key for key in keys if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
 
 
 def differs(values: Mapping[str, Any]) -> bool:

@@ -9,8 +9,9 @@ import numpy as np
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import clip, kernel, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
-from parallel_robot_sim.actuators import driven, held_disturbance
+from parallel_robot_sim.actuators import cogging, driven, held_disturbance
 from parallel_robot_sim.delay_line import sample_at
+from parallel_robot_sim.drive_step import flexed, keep_braked, rotors
 from parallel_robot_sim.hazards import braked, limited
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.sensors import keep_sensed
@@ -145,8 +146,17 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     stepping = setup.stepping
     torque, acting = torques(setup, state, command, period)
     q, v, t = state.coordinates, state.rate, state.time
+    drive = setup.imperfections.on and setup.imperfections.drive.on
     if setup.hazards.on and braked(setup.hazards, sample_at(t, period)):
+        if drive:
+            keep_braked(setup, setup.measure(setup.robot, q, v), t, period)
         return PlantState(q, np.zeros_like(v), torque, t + period)
+    if drive:
+        joints = setup.measure(setup.robot, q, v)
+        angle, _ = rotors(setup, joints, sample_at(t, period))
+        load = torque - acting - cogging(setup, joints.position)
+        q, v = flexed(setup, q, v, torque - cogging(setup, angle), load, t, period)
+        return PlantState(q, v, torque, t + period)
     h = period / stepping.substeps
     arguments = (setup, acting)
     for _ in range(stepping.substeps):

@@ -21,6 +21,7 @@ from parallel_robot_sim.delay_line import (
     remember,
     sample_at,
 )
+from parallel_robot_sim.drive_step import rotors
 from parallel_robot_sim.random_numbers import normals
 
 
@@ -34,12 +35,15 @@ def rounded(x: Array, step: Array) -> Array:
 def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple[Array, Array]:
     """Positions [rad] and velocities [rad/s] as the sensors take them, each shape (n,)."""
     seed, sensor = setup.imperfections.seed, setup.imperfections.sensor
+    angle, speed = joints.position, joints.velocity
+    if setup.imperfections.drive.at_motor:
+        angle, speed = rotors(setup, joints, sample)
     noise = normals(seed, sample, OF_POSITION, setup.imperfections.draws, joints.position)
-    shown = joints.position + vector(sensor.zero_angle)
+    shown = angle + vector(sensor.zero_angle)
     noisy = shown + vector(sensor.position_noise) * noise
     position = rounded(noisy, vector(sensor.resolution))
     noise = normals(seed, sample, OF_VELOCITY, setup.imperfections.draws, joints.position)
-    velocity = joints.velocity + vector(sensor.velocity_noise) * noise
+    velocity = speed + vector(sensor.velocity_noise) * noise
     if sensor.differentiate:
         velocity = np.zeros_like(position)
         if sample > 0:

@@ -21,6 +21,8 @@ ROUGH = {
     'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-3, 'sensor.resolution': 1e-6,
     'sensor.delay': 0.002, 'sensor.stamp': 'measured', 'actuator.lag': 0.003,
     'actuator.noise': 0.01, 'actuator.delay': 0.001, 'friction.coulomb': 0.1, 'seed': 7,
+    'compliance.stiffness': 5e4, 'compliance.rotor_inertia': 0.02, 'compliance.damping': 5.0,
+    'stiction.stiffness': 5e3,
 }  # fmt: skip
 
 

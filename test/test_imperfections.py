@@ -39,7 +39,10 @@ ALL = {
     'actuator.effectiveness': [1.0, 0.9, 1.0], 'actuator.bias': 0.1, 'actuator.fault_time': 0.05,
     'disturbance.constant': 0.1, 'disturbance.pulse': 0.2, 'disturbance.pulse_start': 0.02,
     'disturbance.pulse_duration': 0.03, 'disturbance.noise': 0.1, 'disturbance.bandwidth': 10.0,
-    'disturbance.ripple': 0.05,
+    'disturbance.ripple': 0.05, 'compliance.stiffness': [8e4, 0.0, 5e4],
+    'compliance.rotor_inertia': [0.02, 0.0, 0.02], 'compliance.damping': [5.0, 0.0, 5.0],
+    'compliance.backlash': [1e-5, 0.0, 0.0],
+    'stiction.stiffness': 5e3, 'stiction.damping': 20.0,
 }  # fmt: skip
 DIFFERENTIATED = {'sensor.differentiate': True, 'estimator.kind': 'levant'}
 
@@ -151,6 +154,23 @@ def test_encoders_round_and_velocities_are_differences():
     assert 0.45 * step < np.abs(position - q).max() <= 0.5 * step * (1 + 1e-9)
     assert not velocity[0].any()
     assert np.abs(velocity[1:] - np.diff(position, axis=0) / H).max() < 1e-9
+
+
+def test_counts_per_turn_are_steps_of_that_share_of_a_turn():
+    q = 0.3 * np.sin(np.arange(500)[:, None] * H * np.array([1.0, 2.0, 3.0]))
+    counts = [4096, 0, 1 << 17]
+    position, _ = told(setup_of(sensor__counts_per_turn=counts), q)
+    sizes = [2 * np.pi / 4096, 0.0, 2 * np.pi / (1 << 17)]
+    same, _ = told(setup_of(sensor__resolution=sizes), q)
+    assert np.array_equal(position, same) and np.array_equal(position[:, 1], q[:, 1])
+    told_counts = position[:, 0] / (2 * np.pi) * 4096
+    assert np.abs(told_counts - np.round(told_counts)).max() < 1e-9 and told_counts[-1] > 90
+
+
+def test_a_slide_has_no_counts_per_turn():
+    values = resolve('hexapod_circle', {'sensor.counts_per_turn': 4096})
+    with pytest.raises(InputError, match=r'must be 0 where a joint slides.*resolution is in m'):
+        configure(values)
 
 
 def test_states_come_late_by_whole_samples():
@@ -291,6 +311,9 @@ def test_only_the_scenarios_of_faults_are_not_ideal(scenario):
         ('sensor.position_noise=-1', 'sensor.position_noise must be at least 0 rad'),
         ('sensor.delay=0.2', 'sensor.delay must be from 0 to 0.1 s'),
         ('sensor.resolution=[1,2]', 'sensor.resolution must be a number or a list of 3'),
+        ('sensor.counts_per_turn=-1', 'sensor.counts_per_turn must be at least 0'),
+        ('sensor.counts_per_turn=0.5', 'sensor.counts_per_turn must be 0 or at least 1, not 0.5'),
+        ('sensor.counts_per_turn=many', 'sensor.counts_per_turn must be a number'),
         ('actuator.effectiveness=-0.1', 'actuator.effectiveness must be at least 0'),
         ('seed=1.5', 'seed must be a whole number'),
         ('estimator.kind=kalmann', 'estimator.kind'),
@@ -301,6 +324,14 @@ def test_wrong_values_cost_one_line(setting, reason, tmp_path, capsys):
     out = tmp_path / 'bag'
     assert main(['simulate', 'paper_circle', '--set', setting, '--out', str(out)]) == 2
     assert reason in capsys.readouterr().err and not out.exists()
+
+
+def test_steps_of_an_encoder_are_told_once(tmp_path, capsys):
+    out = tmp_path / 'bag'
+    both = ['--set', 'sensor.resolution=[0,1e-4,0]', '--set', 'sensor.counts_per_turn=4096']
+    assert main(['simulate', 'paper_circle', *both, '--out', str(out)]) == 2
+    said = capsys.readouterr().err
+    assert 'sensor.resolution are the same: one must be 0 (joint 2)' in said and not out.exists()
 
 
 def test_studies_and_bags_measure_the_true_motion(tmp_path, capsys):

@@ -191,6 +191,21 @@ def test_a_motion_out_of_reach_costs_one_line(capsys):
     assert 'out of reach' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ('setting', 'says'),
+    [
+        ('sensor.counts_per_turn=65536', 'step counts as noise: an estimate'),
+        ('stiction.stiffness=5000', 'rigid gears that do not stick: no bound'),
+    ],
+)
+def test_what_is_no_bound_is_told(setting, says, capsys):
+    words = ['--set', setting, '--set', 'disturbance.noise=0.1', '--duration', '1']
+    assert main(['limit', 'paper_circle', *words]) == 0
+    assert says in capsys.readouterr().err
+    assert main(['limit', 'paper_circle', *words[2:]]) == 0
+    assert 'no bound' not in capsys.readouterr().err
+
+
 def test_what_the_limit_counts_as_noise():
     changes = {**NOISY, 'sensor.resolution': 1.2e-4, 'actuator.delay': 1e-3, 'actuator.noise': 0.1}
     found = noise_in(of('paper_circle', duration=1.0, **changes))

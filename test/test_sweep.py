@@ -332,6 +332,7 @@ def test_errors_are_held_against_the_limit_at_their_own_chattering(tmp_path):
     'encoder',
     [
         ('set: {', 'set: {sensor.resolution: 1.0e-4, '),
+        ('set: {', 'set: {sensor.counts_per_turn: 65536, '),
         (
             '  disturbance.noise',
             '  sensor.resolution: {distribution: uniform, low: 0.0, high: 1.0e-4}\n'

@@ -25,11 +25,13 @@ from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.imperfections import ENCODERS
 from parallel_robot_sim.simulation import ENDLESS
 from trajectory_gen.motion_length import with_duration
 
 LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
-ESTIMATE = 'sensor.resolution: the step of an encoder counts as noise: an estimate, no bound'
+RIGID = 'compliance, stiction: the limit is that of rigid gears that do not stick: no bound'
+ESTIMATE = 'encoders: their step counts as noise: an estimate, no bound'
 TRAVELLED = 'travelled while a state is late'
 GEOMETRY = 'joints exact, geometry as it is'
 
@@ -124,16 +126,18 @@ def compute(
     if not 0.0 < rest <= 1.0:
         raise InputError(f'--rest must be above 0 and at most 1, not {rest:g}')
     found: dict[str, list[LeastError]] = {}
-    planar, encoders = True, False
+    planar, encoders, drives = True, False, False
     units: list[JointUnits] = []
     for scenario, configuration in _experiments(name, changes, runs, duration):
         if not configuration.loop.duration:
             raise InputError(ENDLESS)
         planar &= configuration.plant.robot.place > 0
-        encoders |= bool(np.any(configuration.values['sensor.resolution']))
+        encoders |= any(np.any(configuration.values[key]) for key in ENCODERS)
+        drives |= configuration.plant.imperfections.drive.on
         units.append(configuration.plant.robot.joint_units)
         found.setdefault(scenario, []).append(least_error(configuration, calm=calm, rest=rest))
-    return LeastErrors(found, planar, calm, (ESTIMATE,) if encoders else (), all_of(units), rest)
+    remarks = (*((ESTIMATE,) if encoders else ()), *((RIGID,) if drives else ()))
+    return LeastErrors(found, planar, calm, remarks, all_of(units), rest)
 
 
 def _experiments(

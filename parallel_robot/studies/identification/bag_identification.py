@@ -19,12 +19,14 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.studies.identification import (
     identified,
     measured_motion,
+    motor_lag,
     readable,
     rest,
     robot_file,
     unexplained,
 )
 from parallel_robot.studies.identification.identified import Identified, Prediction
+from parallel_robot.studies.identification.motor_lag import MotorLag
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot.studies.identification.rest import Rest
 from parallel_robot_model.common.errors import BagError, InputError
@@ -43,6 +45,7 @@ class Identification(ShownResult):
         checked: Torques as the identified robot predicts them, of the second bag if there is one.
         validated: Whether there is.
         rest: Noise of the sensors; None if the robot never rests.
+        lag: That of the motors; None if commands or efforts do not tell it.
         warnings: What was not used, and what to doubt, one line each.
     """
 
@@ -52,6 +55,7 @@ class Identification(ShownResult):
     checked: Prediction
     validated: bool
     rest: Rest | None
+    lag: MotorLag | None
     warnings: tuple[str, ...]
 
     @property
@@ -72,13 +76,15 @@ class Identification(ShownResult):
         return [
             *readable.parts(self.found),
             readable.prediction(title, self.checked, self.joints),
+            *(self.lag.parts() if self.lag else []),
             *(self.rest.parts() if self.rest else [rest.NONE]),
         ]
 
     def as_data(self) -> dict[str, Any]:
         """The results as plain data, as ``--format json`` has them."""
         data = readable.as_data(self.found, self.checked, self.joints)
-        return data | {'rest': self.rest.as_data() if self.rest else None}
+        found = {'rest': self.rest, 'motor_lag': self.lag}
+        return data | {name: each.as_data() if each else None for name, each in found.items()}
 
     def write(self, out: Path | None, figure: Path | None) -> None:
         """Write the robot as YAML, for ``--param-file``, and a picture of the torques, or neither.
@@ -163,7 +169,14 @@ def identify(
             guess = identified.nominal_of(second[0]).guess
             checked = identified.predict(found, second[1], guess, cutoff)
     return Identification(
-        bag, log.joints, found, checked, second is not None, rest.of(log), tuple(warnings)
+        bag,
+        log.joints,
+        found,
+        checked,
+        second is not None,
+        rest.of(log),
+        motor_lag.of(log),
+        tuple(warnings),
     )
 
 

@@ -21,7 +21,7 @@ from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_sim.plant import PlantParameters
 
-COLUMNS = 'position', 'velocity', 'effort', 'reference_velocity'  # of a run
+COLUMNS = 'position', 'velocity', 'effort', 'reference_velocity', 'answer'  # of a run
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory
 SATURATED = 1.0 - 1e-6  # of the limit of the motors

@@ -19,6 +19,7 @@ from parallel_robot.studies.sweep.table import CALM, arrow
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_sim.imperfections import ENCODERS
 
 REASONS = 3  # most frequent reasons of failures to report
 
@@ -148,11 +149,10 @@ def _median(values: Array, scramble: NDArray[np.int64]) -> Estimate:
 
 def _has_encoder(plan: Plan, scenario: str) -> bool:
     """Whether positions come in steps, which the limit takes for white noise."""
-    key = 'sensor.resolution'
-    if any(each.key == key for each in plan.study.uncertainties):
+    if any(each.key in ENCODERS for each in plan.study.uncertainties):
         return True
     cases = (case for case in plan.cases if stem(case.scenario) == scenario)
-    return any(bool(np.any(case.nominal[key])) for case in cases)
+    return any(bool(np.any(case.nominal[key])) for case in cases for key in ENCODERS)
 
 
 def _calm_columns(plan: Plan) -> list[str]:

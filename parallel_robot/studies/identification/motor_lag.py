@@ -1,0 +1,155 @@
+"""The lag of the motors: a time constant between commands and measured efforts.
+
+Efforts are means over a period of what follows the commands, whole samples late, by a first order
+
+    dx/dt = (u - x) / T,  effort = mean of x,
+
+whose T has the least squares, joint by joint. Its interval is that of the linear model about it,
+with the correlation of what is left from sample to sample.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
+
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.studies.identification.measured_motion import LONGEST
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.shown_result import ShownResult
+from parallel_robot_model.common.tables import Part
+
+LONGEST_LAG = 0.05  # s that is looked for
+WARM = 5.0  # of it, after which what was before the first command is forgotten
+LATEST = 20  # samples, the longest delay that is looked for
+FEWEST = 200  # samples that can be used
+TRIED = 30  # time constants of each delay
+SHOWN = 0.05  # of a period, the least lag that is told
+
+
+@dataclass(frozen=True, repr=False)
+class MotorLag(ShownResult):
+    """How efforts follow commands.
+
+    Attributes:
+        values: Time constants [s], shape (n,).
+        half_widths: Half widths of their 95 % intervals [s], shape (n,).
+        delay: Of the commands before that, from the stamp of the state that they answer [s].
+        period: Of the samples [s].
+    """
+
+    values: Array
+    half_widths: Array
+    delay: float
+    period: float
+
+    @property
+    def found(self) -> bool:
+        """Whether a joint has a lag that its interval tells from none."""
+        least = np.maximum(self.half_widths, SHOWN * self.period)
+        return bool((self.values > least).any())
+
+    def parts(self) -> list[Part]:
+        """The time constants, and as a scenario takes them."""
+        late = f', {1e3 * self.delay:.3g} ms late' if self.delay else ''
+        if not self.found:
+            return [f'efforts follow the commands without a lag{late}']
+        pairs = zip(self.values, self.half_widths, strict=True)
+        each = ', '.join(f'{1e3 * value:.4g} +- {1e3 * half:.2g}' for value, half in pairs)
+        return [
+            f'lag of the motors: {each} ms{late}; for a scenario',
+            f'  estimator.lag: {float(self.values.mean()):.3g}',
+        ]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            'estimates_s': self.values.tolist(),
+            'half_widths_95_s': self.half_widths.tolist(),
+            'delay_s': self.delay,
+            'found': self.found,
+        }
+
+
+def of(log: RunLog) -> MotorLag | None:
+    """Lag of the motors of a run; None without commands, measured efforts or enough of both."""
+    if not log.has_efforts or len(log.time) <= FEWEST or len(log.answer) != len(log.time):
+        return None
+    steps = np.diff(log.time)
+    period = float(np.median(steps))
+    warm = round(WARM * LONGEST_LAG / period) + LATEST if period > 0.0 else 0
+    known = np.isfinite(log.answer).all(axis=1) & np.isfinite(log.effort).all(axis=1)
+    breaks = ~known[:-1] | ~known[1:] | (np.abs(steps - period) > 1e-3 * period)
+    edges = [-1, *np.flatnonzero(breaks).tolist(), len(steps)]
+    first, last = max(itertools.pairwise(edges), key=lambda pair: pair[1] - pair[0])
+    rows = slice(first + 1, min(last + 1, first + 1 + LONGEST))
+    command, effort = log.answer[rows], log.effort[rows]
+    if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
+        return None
+    tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
+    off = np.array(
+        [
+            [
+                [np.sum(_left(lag, delay, *joint, period, warm) ** 2) for lag in tried]
+                for joint in zip(command.T, effort.T, strict=True)
+            ]
+            for delay in range(LATEST + 1)
+        ]
+    )
+    delay = int(off.min(axis=2).sum(axis=1).argmin())
+    found = [
+        _nearest(tried, of_joint, delay, asked, given, period, warm)
+        for of_joint, asked, given in zip(off[delay], command.T, effort.T, strict=True)
+    ]
+    values, half_widths = np.array(found).T
+    return MotorLag(values, half_widths, delay * period, period)
+
+
+def _followed(command: Array, lag: float, period: float) -> Array:
+    """Means over the periods from each command on of a lag behind them [N m], shape (N,)."""
+    kept = np.exp(-period / lag) if lag > 0.0 else 0.0
+    begin = command[0] + lfilter([0.0, 1.0 - kept], [1.0, -kept], command - command[0])
+    return np.asarray(command + (begin - command) * (1.0 - kept) * lag / period)
+
+
+def _left(
+    lag: float, delay: int, command: Array, effort: Array, period: float, warm: int
+) -> Array:
+    """Efforts less what a lag makes of commands that act so many samples late [N m]."""
+    followed = _followed(command, lag, period)
+    return np.asarray((effort[1 + delay :] - followed[: len(followed) - 1 - delay])[warm:])
+
+
+def _nearest(
+    tried: Array,
+    squares: Array,
+    delay: int,
+    command: Array,
+    effort: Array,
+    period: float,
+    warm: int,
+) -> tuple[float, float]:
+    """Time constant with the least squares, and half width of its 95 % interval [s]."""
+    best = int(squares.argmin())
+    around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
+
+    def left(lag: float) -> Array:
+        return _left(lag, delay, command, effort, period, warm)
+
+    near = minimize_scalar(
+        lambda lag: np.sum(left(lag) ** 2), bounds=around, method='bounded',
+        options={'xatol': 1e-9 * LONGEST_LAG},
+    )  # fmt: skip
+    value = float(near.x)
+    step = 1e-3 * max(value, SHOWN * period)
+    slope, rest = (left(value + step) - left(value)) / step, left(value)
+    size = float(np.sum(slope**2))
+    error = np.sqrt(np.sum(rest**2) / (len(rest) - 1) / size) if size else np.inf
+    parts = rest * slope
+    alike = np.clip(np.sum(parts[1:] * parts[:-1]) / max(np.sum(parts**2), 1e-300), 0.0, 0.99)
+    return value, 1.96 * float(error * np.sqrt((1.0 + alike) / (1.0 - alike)))
