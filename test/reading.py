@@ -8,7 +8,7 @@ from parallel_robot_model.mechanisms.description.machine import machine
 from parallel_robot_model.mechanisms.description.reading import read
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.tool import tool_pose
-from parallel_robot_model.mechanisms.workspace import workspace
+from parallel_robot_model.mechanisms.workspace import boxed
 
 
 def made(text, **options):
@@ -19,8 +19,8 @@ class Evaluated:
     """A machine at positions of its actuated joints, home if none are given."""
 
     def __init__(self, machine, q=None, velocity=None):
-        m = machine.mechanism
-        work, n = workspace(m), len(m.actuated)
+        m, work = boxed(machine.mechanism)
+        n = len(m.actuated)
         q = m.home[m.actuated] if q is None else np.asarray(q, dtype=float)
         assert close(m, work, q + 1e-6) == FOUND  # from home: it must be closed
         assert close(m, work, q) == FOUND

@@ -6,7 +6,7 @@ import pytest
 from parallel_robot_model.common.errors import InputError, KinematicsError, RobotError
 from parallel_robot_model.configuration import config_files, robot_file
 from parallel_robot_model.mechanisms import closing, dynamics
-from parallel_robot_model.mechanisms.workspace import workspace
+from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.described.robot import default_values, described
 
 
@@ -58,8 +58,9 @@ def test_the_regressor_gives_the_torques_of_the_kernels(case, differs):
     Y = linear.regressor(parameters, np.empty(0), q, velocity, acceleration)
     values = linear.values(parameters)
     assert Y.shape == (*q.shape, len(values)) and len(linear.units(parameters)) == len(values)
-    mechanism, n = robot.mechanism(parameters), q.shape[1]
-    made, M, Q, gravity = workspace(mechanism), *np.zeros((2, n, n)), np.zeros(n)
+    mechanism, made = boxed(robot.mechanism(parameters))
+    n = q.shape[1]
+    M, Q, gravity = *np.zeros((2, n, n)), np.zeros(n)
     for k in range(len(q)):
         assert closing.close(mechanism, made, q[k]) == closing.FOUND
         dynamics.model(mechanism, made, velocity[k], M, Q, gravity)

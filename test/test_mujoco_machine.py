@@ -8,7 +8,7 @@ from parallel_robot.studies import machine_verification
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.mechanisms import closing, free_motion, moving
-from parallel_robot_model.mechanisms.workspace import workspace
+from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_machine import MujocoMachine, built
@@ -47,12 +47,12 @@ def machine(request):
 
 def test_accelerations_are_those_of_mujoco(machine):
     robot, pose = machine
-    mechanism = robot.module.mechanism(robot.parameters)
+    mechanism, made = boxed(robot.module.mechanism(robot.parameters))
     n, random = len(mechanism.actuated), np.random.default_rng(1)
     model, *_ = built(robot.module, robot.parameters, [0.0] * n, 1e-4)
     data = mujoco.MjData(model)
     data.qpos = robot.module.posture(robot.parameters, pose)
-    made, found = workspace(mechanism), np.zeros(n)
+    found = np.zeros(n)
     velocity, torque = random.normal(size=(2, n))
     assert closing.close(mechanism, made, data.qpos[mechanism.actuated]) == closing.FOUND
     moving.rates(mechanism, made, velocity)
