@@ -32,9 +32,10 @@ CALM = Calm(np.array([0.1, 0.4]), np.array([8e-6, 2e-6]))
 
 @pytest.fixture(scope='module')
 def protocol_file(tmp_path_factory):
-    """Protocol 1 for the arm alone, in half a second, with one age."""
+    """Protocol 1 for the arm alone, in half a second, at one speed, with one age."""
     content = yaml.safe_load((config.directory() / 'benchmarks' / 'protocol_1.yaml').read_text())
-    content |= {'duration': 0.5, 'scrambles': 2, 'ages': {'told': content['ages']['told']}}
+    content |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
+    content['ages'] = {'told': content['ages']['told']}
     content['search'] |= {'trials': 2, 'runs': 1}
     content['robots'] = {'serial_2r': content['robots']['serial_2r']}
     path = tmp_path_factory.mktemp('protocol') / 'small.yaml'
@@ -130,13 +131,13 @@ def test_what_a_kill_cut_is_run_again_and_nothing_else_changes(
     for name in ('benchmark.json', 'limits.jsonl', 'runs.jsonl'):
         (partial / name).write_bytes((out / name).read_bytes())
     lines = (out / 'runs.jsonl').read_bytes().splitlines(keepends=True)
-    (partial / 'runs.jsonl').write_bytes(b''.join(lines[:30]) + lines[30][:20])
+    (partial / 'runs.jsonl').write_bytes(b''.join(lines[:10]) + lines[10][:20])
     ran = []
     known = judged_runs.figures_of
     monkeypatch.setattr(judged_runs, 'figures_of', lambda of: ran.append(of) or known(of))
     again_ = judged(protocol_file, partial, 'pid', 'computed_torque')
     assert not differences(scores.as_data(), again_.as_data())
-    assert len(ran) == len(lines) - 30
+    assert len(ran) == len(lines) - 10
 
 
 def test_the_files_are_there_and_the_json_is_strict(whole):
