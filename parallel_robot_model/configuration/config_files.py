@@ -103,7 +103,16 @@ def shipped() -> Shipped:
 
 
 def _layer(file: Path) -> Layer:
-    return label(file), flat(read(file))
+    return label(file), _copied(_flat_file(file, file.stat().st_mtime_ns))
+
+
+@functools.lru_cache(maxsize=256)
+def _flat_file(file: Path, changed: int) -> dict[str, Any]:
+    return flat(_parsed(file, changed))
+
+
+def _copied(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value[:] if type(value) is list else value for key, value in values.items()}
 
 
 def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

@@ -130,6 +130,8 @@ def words(kind: Any) -> tuple[str, ...]:
 
 def plain(value: Any) -> Any:
     """A value as the files have it: numbers, texts and lists, nothing of NumPy, no paths."""
+    if type(value) in (float, int, str, bool):
+        return value
     if isinstance(value, np.floating):  # lists would keep other precisions as NumPy's
         return float(value)
     if isinstance(value, (np.generic, np.ndarray)):
@@ -142,6 +144,9 @@ def plain(value: Any) -> Any:
 def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = None) -> Any:
     """Return `value` as `kind`, or raise InputError with a line that names both."""
     value = plain(value)
+    if kind is float and type(value) is float:  # most are
+        _check_range(name, field, value)
+        return value
     if kind is PerJoint:
         if joints is not None:
             return _check_per_joint(name, field, value, joints)
