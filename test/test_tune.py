@@ -8,6 +8,7 @@ from typing import get_args, get_type_hints
 
 import pytest
 import yaml
+from sweeping import Inline
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import tune
@@ -30,6 +31,12 @@ from parallel_robot_model.configuration.fields import parameters
 
 pytest.importorskip('optuna')
 OPTIONS = ['--duration', '0.05', '--workers', '1']
+
+
+@pytest.fixture(autouse=True)
+def _inline(monkeypatch):
+    """Trials run here; those of the search that all look at run in a worker process."""
+    monkeypatch.setattr('parallel_robot.studies.tuning.tuned.Processes', lambda _: Inline())
 
 
 @pytest.fixture(scope='module')
