@@ -23,7 +23,7 @@ from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 
-CASES = 100
+CASES = [25, pytest.param(100, marks=pytest.mark.endurance)]
 RANDOM = random.Random(5)
 VALUES = config.resolve('paper_circle', {'duration': 0.08, 'time_mode': 'lockstep'})
 
@@ -118,16 +118,19 @@ def check(directory, out, found, touched):
         assert len(intact) < 50 and '\n' not in error
 
 
-def test_a_file_that_is_cut_anywhere(broken, whole, tmp_path):
+@pytest.mark.parametrize('cases', CASES)
+def test_a_file_that_is_cut_anywhere(cases, broken, whole, tmp_path):
     data, found = whole
-    for offset in [0, 1, 8, len(data) - 1, *RANDOM.sample(range(len(data)), CASES)]:
+    for offset in [0, 1, 8, len(data) - 1, *RANDOM.sample(range(len(data)), cases)]:
         check(broken(data[:offset]), tmp_path / 'out', found, lambda _, end: end > offset)  # noqa: B023
 
 
-def test_a_byte_that_is_changed_anywhere(broken, whole, tmp_path):
+@pytest.mark.parametrize('cases', CASES)
+def test_a_byte_that_is_changed_anywhere(cases, broken, whole, tmp_path):
     data, found = whole
     heads = [begin + k for begin, _, _ in found for k in RANDOM.sample(range(60), 3)]
-    for offset in [*RANDOM.sample(range(len(data)), CASES), *heads]:
+    heads = RANDOM.sample(heads, min(cases, len(heads)))
+    for offset in [*RANDOM.sample(range(len(data)), cases), *heads]:
         changed = bytearray(data)
         changed[offset] ^= RANDOM.randrange(1, 256)
         directory = broken(changed)
