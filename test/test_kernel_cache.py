@@ -412,3 +412,16 @@ print('numba.np.linalg' in sys.modules or 'scipy.linalg' in sys.modules)
 """
     print_in_python(code, tmp_path)  # compiles what no test has compiled before
     assert print_in_python(code, tmp_path) == 'False'
+
+
+OF_ROBOTS = """
+from parallel_robot_model.robots.registry import ROBOTS
+for robot in ROBOTS.values():
+    for kind in (getattr(robot, 'Constants', robot.Parameters), robot.SafetyMargins):
+        print(kind.__name__ == f'{kind.__module__}.{kind.__qualname__}')
+"""
+
+
+def test_tuples_of_robots_have_the_names_by_which_code_is_found_before_a_kernel_takes_one():
+    """Else the first command in a process decides whether all others compile again."""
+    assert {*print_in_python(OF_ROBOTS, ROOT).split()} == {'True'}

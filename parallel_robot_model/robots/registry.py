@@ -43,6 +43,9 @@ ROBOTS: dict[str, Robot] = {
     'axes': axes,
     'serial_2r': serial_2r,
 }
+for _robot in ROBOTS.values():  # before a kernel takes a tuple of one
+    distinguish(getattr(_robot, 'Constants', _robot.Parameters), _robot.SafetyMargins)
+
 KERNELS: dict[str, type] = {  # and what they return
     'joint_motion': JointMotion,
     'locate': Location,

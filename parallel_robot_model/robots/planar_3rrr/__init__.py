@@ -6,7 +6,7 @@ in which everything has a closed form and the loops stay closed to round-off.
 
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.planar_3rrr import linear_model, tree
-from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots.planar_3rrr.constants import Constants, constants
 from parallel_robot_model.robots.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.robots.planar_3rrr.estimate import estimate, locate
 from parallel_robot_model.robots.planar_3rrr.margins import (
@@ -42,6 +42,7 @@ __all__ = [
     'NO_POSE',
     'PARTS',
     'PLANAR',
+    'Constants',
     'MotionLimits',
     'Parameters',
     'SafetyMargins',
