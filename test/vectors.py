@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from parallel_robot_model.compiler import as_vectors
+from parallel_robot_model.compiler import Boxed, as_vectors
+from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import KERNELS
 
 
@@ -16,7 +17,10 @@ def on_vectors(kernel: Any) -> Any:
 
 
 class OnVectors:
-    """A robot module whose kernels take its parameters, instead of its constants, and arrays."""
+    """A robot module whose kernels take its parameters, instead of its constants, and arrays.
+
+    They get them as from the suite, so that they are not compiled for the tests alone.
+    """
 
     def __init__(self, robot: Any) -> None:
         self._robot = robot
@@ -28,6 +32,7 @@ class OnVectors:
         constants = getattr(self._robot, 'constants', lambda parameters: parameters)
 
         def called(parameters: Any, *arguments: Any) -> Any:
-            return attribute(constants(parameters), *as_vectors(arguments))
+            given = [Boxed(x) if isinstance(x, JointLoad) else x for x in as_vectors(arguments)]
+            return attribute(Boxed(constants(parameters)), *given)
 
         return called
