@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from assembly import FAULTS
 from geometry import PAPER_START, PI12_START, legs
-from vectors import on_vectors
+from vectors import boxed, on_vectors
 
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
@@ -15,7 +15,7 @@ from parallel_robot_control.cycle import Cycle, CycleState, When, initial_state,
 from parallel_robot_control.faults import NONE, SPEED, TORQUE_NOT_FINITE
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.compiler import as_vectors, vector
-from parallel_robot_model.robots.planar_3rrr.constants import constants
+from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr.dynamics import actuated_dynamics
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
@@ -63,7 +63,7 @@ def situation(robot, pose):
 def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
     law, cycle = control.law, situation.solve(control)
     theta = legs(robot, pose)[0]
-    own = constants(robot)
+    own = boxed(planar_3rrr, robot)
     posture = posture_at(own, vector(pose))
     model = actuated_dynamics(own, posture, vector(situation.velocity))
     feedback = Feedback(theta, situation.velocity, *np.zeros((2, 3)))

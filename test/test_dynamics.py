@@ -3,7 +3,7 @@
 import numpy as np
 from geometry import ROBOT, kinetic_energy, legs, poses, rows
 from hypothesis import given
-from vectors import OnVectors
+from vectors import OnVectors, boxed
 
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots import planar_3rrr
@@ -11,7 +11,6 @@ from parallel_robot_model.robots.contract import PoseMotion
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.joint_load import JointLoad
-from parallel_robot_model.robots.planar_3rrr.constants import constants
 from parallel_robot_model.robots.planar_3rrr.dynamics import (
     actuated_dynamics,
     pose_coriolis,
@@ -22,7 +21,7 @@ from parallel_robot_model.robots.planar_3rrr.velocities import map_rates, rates_
 
 STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)
-CONSTANTS = constants(ROBOT)
+CONSTANTS = boxed(planar_3rrr, ROBOT)
 FREE = JointLoad(
     FrictionParameters((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.01, 0.0),
     DisturbanceParameters((0.0,) * 3, 0.0, (0.0,) * 3),

@@ -18,7 +18,7 @@ from geometry import (
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from vectors import on_vectors
+from vectors import boxed, on_vectors
 
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.compiler import cross, dot, multiply, solve, vector
@@ -27,7 +27,6 @@ from parallel_robot_model.robots.contract import FOUND
 from parallel_robot_model.robots.planar_3rrr import forward_kinematics as forward
 from parallel_robot_model.robots.planar_3rrr import posture as inverse
 from parallel_robot_model.robots.planar_3rrr import velocities
-from parallel_robot_model.robots.planar_3rrr.constants import constants
 from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
@@ -44,15 +43,15 @@ MODES = {'paper': ROBOT, 'mirrored': MIRRORED, 'mixed': MIXED, 'collinear base':
 
 
 def inverse_kinematics(robot, pose):
-    return inverse.inverse_kinematics(constants(robot), vector(pose))
+    return inverse.inverse_kinematics(boxed(planar_3rrr, robot), vector(pose))
 
 
 def forward_kinematics(robot, theta, guess):
-    return forward.forward_kinematics(constants(robot), vector(theta), vector(guess))
+    return forward.forward_kinematics(boxed(planar_3rrr, robot), vector(theta), vector(guess))
 
 
 def posture_at(pose):
-    return inverse.posture_at(constants(ROBOT), vector(pose))
+    return inverse.posture_at(boxed(planar_3rrr, ROBOT), vector(pose))
 
 
 def beta_of(found):
@@ -90,7 +89,7 @@ def test_joint_angles_are_continuous_where_a_leg_points_along_minus_x():
 
 @given(poses(), rows(1.0))
 def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
-    maps = velocities.velocity_maps(constants(ROBOT), posture_at(pose))
+    maps = velocities.velocity_maps(boxed(planar_3rrr, ROBOT), posture_at(pose))
     h = 1e-5
     for j, shift in enumerate(h * np.eye(3)):
         for column, angles in ((maps.H[j], 0), (maps.K[j], 1)):
@@ -104,7 +103,7 @@ def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
 
 @given(poses(), rows(1.0))
 def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose, rate):
-    robot, h = constants(ROBOT), 1e-6
+    robot, h = boxed(planar_3rrr, ROBOT), 1e-6
 
     def maps(p):
         return velocities.velocity_maps(robot, posture_at(p))
@@ -122,7 +121,7 @@ def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose,
 
 @given(poses(), rows(1.0))
 def test_jacobians_relate_the_rates(pose, rate):
-    robot, posture, h = constants(ROBOT), posture_at(pose), 1e-5
+    robot, posture, h = boxed(planar_3rrr, ROBOT), posture_at(pose), 1e-5
     theta_dot = wrap(legs(ROBOT, pose + h * rate)[0] - legs(ROBOT, pose - h * rate)[0]) / (2 * h)
     left = matrix(velocities.jacobian_x(robot, posture)) @ rate
     assert np.allclose(left, velocities.jacobian_q(robot, posture) * theta_dot, atol=1e-6)

@@ -5,6 +5,7 @@ import math
 import mujoco
 import numpy as np
 import pytest
+from vectors import boxed
 
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.config import directory, resolve
@@ -147,7 +148,7 @@ def test_the_planar_robot_is_its_closed_form():
     machine = Machine('planar_3rrr_described')
     values = resolve('paper_circle')
     robot = robot_of(values).parameters
-    constants = planar_3rrr.constants(robot)
+    constants = boxed(planar_3rrr, robot)
     margins = planar_3rrr.SafetyMargins(0.05, 0.1)
     rng = np.random.default_rng(1)
     assert machine.tool()[0][:2] == pytest.approx(np.mean([robot.base_x, robot.base_y], axis=1))
@@ -182,7 +183,7 @@ def test_the_planar_robot_is_its_closed_form():
 def test_the_arm_of_two_links_is_its_closed_form():
     machine = Machine('serial_2r_described')
     values = resolve('serial_2r_circle')
-    robot = robot_of(values).parameters
+    robot = boxed(serial_2r, robot_of(values).parameters)
     margins = serial_2r.SafetyMargins(0.1)
     rng = np.random.default_rng(2)
     for _ in range(20):

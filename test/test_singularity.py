@@ -5,14 +5,15 @@ import pytest
 from geometry import ROBOT, jacobian, legs, poses
 from hypothesis import given
 from scipy.optimize import brentq
+from vectors import boxed
 
 from parallel_robot_model.compiler import vector
+from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr import singularity
-from parallel_robot_model.robots.planar_3rrr.constants import constants
 from parallel_robot_model.robots.planar_3rrr.posture import inverse_kinematics, posture_at
 from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers
 
-CONSTANTS = constants(ROBOT)
+CONSTANTS = boxed(planar_3rrr, ROBOT)
 
 
 def measures(pose):

@@ -1,5 +1,6 @@
 """Kernels called with arrays: the tests compute with arrays, kernels take vectors."""
 
+import functools
 from typing import Any
 
 from parallel_robot_model.compiler import Boxed, as_vectors
@@ -16,6 +17,13 @@ def on_vectors(kernel: Any) -> Any:
     return called
 
 
+@functools.lru_cache(maxsize=64)
+def boxed(robot: Any, parameters: Any) -> Boxed:
+    """What the kernels of a robot module take of its parameters, as from the suite."""
+    constants = getattr(robot, 'constants', lambda parameters: parameters)
+    return Boxed(constants(parameters))
+
+
 class OnVectors:
     """A robot module whose kernels take its parameters, instead of its constants, and arrays.
 
@@ -29,10 +37,9 @@ class OnVectors:
         attribute = getattr(self._robot, name)
         if name not in KERNELS:
             return attribute
-        constants = getattr(self._robot, 'constants', lambda parameters: parameters)
 
         def called(parameters: Any, *arguments: Any) -> Any:
             given = [Boxed(x) if isinstance(x, JointLoad) else x for x in as_vectors(arguments)]
-            return attribute(Boxed(constants(parameters)), *given)
+            return attribute(boxed(self._robot, parameters), *given)
 
         return called

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import kernel, vector
+from parallel_robot_model.compiler import Boxed, kernel, vector
 from parallel_robot_model.robots.contract import REACHED, JointMotion, Measurement, PoseMotion
 from parallel_robot_model.robots.planar_3rrr.constants import Constants, constants
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
@@ -60,7 +62,8 @@ def start(robot: RobotParameters, pose: Array) -> Array:
     Raises:
         InputError: a leg does not reach it.
     """
-    leg = inverse_kinematics(constants(robot), vector(pose)).out_of_reach
+    boxed: Any = Boxed(constants(robot))  # as the other kernels take them
+    leg = inverse_kinematics(boxed, vector(pose)).out_of_reach
     if leg != REACHED:
         raise InputError(
             f'plant.initial_pose {pose.tolist()} is out of reach of leg {leg + 1} '
