@@ -32,7 +32,7 @@ unexport PYTHONDONTWRITEBYTECODE  # each process of the tests would translate al
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 
-.PHONY: help setup demo docs site bench faults soak style check test endurance clean
+.PHONY: help setup demo docs site bench faults soak style check test warm endurance clean
 .DELETE_ON_ERROR:
 
 help: ## what can be made (this)
@@ -77,9 +77,12 @@ style: setup
 check: style ## check style, types and layers, then run the quick tests, which start no process
 	$(BIN)/python -m pytest -n 2 --quick
 
-test: style ## check style, types and layers, then run the tests, but for those of endurance
-	PYTHONPATH=. $(BIN)/python test/warm.py
+test: setup ## check style, types and layers, then run the tests, but for those of endurance
+	@$(MAKE) --no-print-directory -j2 style warm
 	$(TESTS) -m 'not endurance'
+
+warm: setup
+	PYTHONPATH=. $(BIN)/python test/warm.py
 
 endurance: setup ## run the tests that must wait: cut links, killed processes, a loop that lives on
 	$(TESTS) -m endurance
