@@ -52,7 +52,7 @@ def main():
     version = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()
     if cache_directory.marked(NOTE) == version:
         return
-    with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=4) as pool:
+    with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=8) as pool:
         jobs = [pool.apply_async(of_nodes, (scenario,)) for scenario in SCENARIOS]
         jobs += [pool.apply_async(of_the_analysis, (scenario,)) for scenario in SCENARIOS]
         for scenario in SCENARIOS:
