@@ -51,6 +51,13 @@ class Inline:
         return [(self.task, run_task(self.task))]
 
 
+@pytest.fixture
+def inline(monkeypatch):
+    """Runs of studies take place in this process; workers are tried in test_sweep_losses.py."""
+    for module in ('cli.worker_options', 'python.notebook', 'studies.tuning.tuned'):
+        monkeypatch.setattr(f'parallel_robot.{module}.Processes', lambda _: Inline())
+
+
 def planned(text=TEXT, runs=None):
     return plan(study.parse(text).changed(runs, {}))
 

@@ -41,6 +41,8 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.loop import DURATION
 from parallel_robot_sim import scenario_run
 
+pytest_plugins = ['sweeping']
+
 ROOT = Path(__file__).parents[1]
 STUDY = {
     'scenarios': ['paper_circle'],
@@ -457,6 +459,7 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
     assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
 
 
+@pytest.mark.usefixtures('inline')
 def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
     ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
     asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}
@@ -489,6 +492,7 @@ def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
     assert capsys.readouterr() == ('', '')
 
 
+@pytest.mark.usefixtures('inline')
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
     found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
     assert found.law.tolist() == ['smc', 's_smc'] * 2
@@ -526,6 +530,7 @@ def test_nothing_warns(run):
         notebook.compare([run])
 
 
+@pytest.mark.usefixtures('inline')
 def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     text = (ROOT / 'docs' / 'python.md').read_text()

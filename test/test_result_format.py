@@ -19,6 +19,8 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages.topics import JOINT_STATES
 
+pytest_plugins = ['sweeping']
+
 STUDY = """
 scenarios: [paper_circle]
 laws: [smc, pid]
@@ -103,6 +105,7 @@ def is_among(cell, known):
     return any(abs(float(cell) - value) <= half for value in values)
 
 
+@pytest.mark.usefixtures('inline')
 @pytest.mark.parametrize('command', WORDS)
 def test_a_command_says_the_same_in_every_format(command, places, tmp_path, capsys):
     found = {

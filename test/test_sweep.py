@@ -228,6 +228,7 @@ def test_results_name_a_scenario_by_its_name_not_by_its_path(tmp_path):
         assert 'eight' in found and str(file) not in found
 
 
+@pytest.mark.usefixtures('inline')
 def test_paths_of_a_study_count_from_its_file(tmp_path, monkeypatch, capsys):
     """And the command line may say how many runs there are."""
     (tmp_path / 'studies' / 'mine').mkdir(parents=True)

@@ -8,7 +8,6 @@ from typing import get_args, get_type_hints
 
 import pytest
 import yaml
-from sweeping import Inline
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import tune
@@ -30,17 +29,14 @@ from parallel_robot_model.configuration import parameter_file
 from parallel_robot_model.configuration.fields import parameters
 
 pytest.importorskip('optuna')
+pytest_plugins = ['sweeping']
+pytestmark = pytest.mark.usefixtures('inline')
 OPTIONS = ['--duration', '0.05', '--workers', '1']
-
-
-@pytest.fixture(autouse=True)
-def _inline(monkeypatch):
-    """Trials run here; those of the search that all look at run in a worker process."""
-    monkeypatch.setattr('parallel_robot.studies.tuning.tuned.Processes', lambda _: Inline())
 
 
 @pytest.fixture(scope='module')
 def tuned(tmp_path_factory):
+    """A search whose trials ran in a worker process."""
     out = tmp_path_factory.mktemp('tune') / 'pid'
     assert main(['tune', 'pid', 'paper_circle', '--out', str(out), '--trials', '3', *OPTIONS]) == 0
     return out
