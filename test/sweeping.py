@@ -58,6 +58,17 @@ def inline(monkeypatch):
         monkeypatch.setattr(f'parallel_robot.{module}.Processes', lambda _: Inline())
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Pictures of sweeps and searches are empty files; to draw them takes a second."""
+    for place, suffixes in (
+        ('sweep.picture.encoded', ('png', 'pdf')),
+        ('tuning.picture.saved', ('svg', 'png')),
+    ):
+        empty = dict.fromkeys(suffixes, b'')
+        monkeypatch.setattr(f'parallel_robot.studies.{place}', lambda _, empty=empty: empty)
+
+
 def planned(text=TEXT, runs=None):
     return plan(study.parse(text).changed(runs, {}))
 

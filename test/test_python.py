@@ -459,7 +459,7 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
     assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
 
 
-@pytest.mark.usefixtures('inline')
+@pytest.mark.usefixtures('inline', 'undrawn')
 def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
     ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
     asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}

@@ -105,7 +105,7 @@ def is_among(cell, known):
     return any(abs(float(cell) - value) <= half for value in values)
 
 
-@pytest.mark.usefixtures('inline')
+@pytest.mark.usefixtures('inline', 'undrawn')
 @pytest.mark.parametrize('command', WORDS)
 def test_a_command_says_the_same_in_every_format(command, places, tmp_path, capsys):
     found = {

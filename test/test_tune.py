@@ -54,6 +54,7 @@ def test_its_gains_are_a_parameter_file_with_better_metrics_or_the_default(tuned
     assert (tuned / 'front.svg').stat().st_size and (tuned / 'front.png').stat().st_size
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_it_goes_on_and_refuses_what_is_not_the_same(tuned, capsys):
     out = str(tuned)
     assert main(['tune', 'pid', 'paper_circle', '--out', out, '--trials', '4', *OPTIONS]) == 0
@@ -108,6 +109,7 @@ def test_a_search_within_a_limit_ranks_by_error_inside_and_by_effort_beyond():
     assert ranked == ['best', 'near', 'beyond', 'wild'] and goal.objectives == 1
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_equal_effort_of_another_measure(tmp_path):
     assert effort.parse('torque_max=30').quantity.unit == 'N m'
     for text, wanted in (
@@ -225,6 +227,7 @@ def test_a_gain_can_be_exactly_zero_where_its_law_allows_it():
     assert set(distributions(found)) == set(found.varied)
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_a_search_reaches_zero(tmp_path):
     words = ['tune', 'pid', 'paper_circle', '--out', str(tmp_path / 'out'), '--trials', '24']
     assert main([*words, '--seed', '1', *OPTIONS]) == 0
@@ -260,6 +263,7 @@ def test_a_condition_of_the_law_is_kept_where_the_default_keeps_it():
     assert not space('nftsmc').keep  # Table 2 breaks the printed condition
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_what_is_tuned_keeps_the_condition_or_says_that_it_does_not(tmp_path, capsys):
     words = ['tune', 'adrc', 'paper_circle', *OPTIONS, '--trials', '8', '--bounds', 'w_c=150:160']
     assert main([*words, '--out', str(tmp_path / 'kept')]) == 0
@@ -282,6 +286,7 @@ def test_reasons_that_differ_in_numbers_alone_count_as_one():
     assert infeasible(trials) == {texts[0]: 3, 'no pose': 1}
 
 
+@pytest.mark.usefixtures('undrawn')
 def test_the_estimator_is_searched_along_with_the_gains(tmp_path):
     out = tmp_path / 'out'
     words = ['tune', 'pid', 'paper_circle', *OPTIONS, '--trials', '8', '--out', str(out)]
