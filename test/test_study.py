@@ -13,6 +13,7 @@ from parallel_robot.studies.least_errors import is_study
 from parallel_robot.studies.sweep import study, table, uncertainty
 from parallel_robot.studies.sweep.plan import plan, sample, sampling
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.configuration import configure
 
 HEAD = 'scenarios: [paper_circle]\nlaws: [smc]\nruns: 4\n'
@@ -384,6 +385,24 @@ def test_a_law_may_have_a_controller_of_its_own():
     own, other = (case.nominal for case in found.cases[:2])
     assert (own['estimator.kind'], own['estimator.bandwidth']) == ('filter', 80.0)
     assert (own['smc.z'], other['smc.z'], other['estimator.kind']) == (22.0, 5.0, 'auto')
+
+
+@pytest.mark.parametrize('first', ['own', 'other'])
+def test_an_uncertain_gain_is_checked_beside_the_gains_of_each_law(first):
+    """Laws of a scenario are checked as one, but where their gains may decide."""
+    laws = {
+        'own': '{law: continuous_twisting, k4: 11}',
+        'other': '{law: continuous_twisting, k4: 21}',
+    }
+    second = ({*laws} - {first}).pop()
+    text = (
+        f'scenarios: [paper_circle]\nlaws: {{{first}: {laws[first]}, {second}: {laws[second]}}}\n'
+        'runs: 2\nuncertainty:\n'
+        '  continuous_twisting.k3: {distribution: uniform, low: 20, high: 30}\n'
+    )
+    with pytest.raises(InputError, match='k3 must be above k4 = 21, not 20'):
+        planned(text)
+    assert planned(text.replace('k4: 21', 'k4: 19')).count == 4
 
 
 def test_rows_are_counted_sample_by_sample_and_paired():
