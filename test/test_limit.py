@@ -221,7 +221,7 @@ def test_no_law_is_below_the_limit(name):
     """A robot of each scenario of a study that is shipped, which can be planned, all along."""
     file = study.file_of(name)
     asked = study.parse(study.read(file), str(file), file.parent)
-    if plan(asked.changed(asked.scrambles, {})).cases[0].nominal['robot_description']:
+    if resolve(asked.scenarios[0], asked.fixed)['robot_description']:
         asked = replace(asked, duration=SHORT)
     planned = plan(asked.changed(asked.scrambles, {}))
     whole = Plan(asked, planned.cases)
