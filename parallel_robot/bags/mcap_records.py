@@ -231,10 +231,10 @@ def _is_whole(record: memoryview, exact: bool) -> bool:
 
 def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
     """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
-    raw = np.frombuffer(data, np.uint8)
+    raw, chunk = np.frombuffer(data, np.uint8), np.uint8(Opcode.CHUNK)  # else all are widened
     size = PIECE
     while offset < stop:
-        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == Opcode.CHUNK)
+        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == chunk)
         found = found[found + HEAD <= stop]
         for start in found[raw[found + HEAD - 1] == 0].tolist():
             if (
