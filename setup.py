@@ -17,9 +17,10 @@ CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']
 LIVE = ['aiohttp>=3.10,<4']
 VIDEO = ['av>=12,<19']
+FMU = ['fmpy>=0.3.20,<0.4']
 FOXGLOVE = ['foxglove-sdk>=0.30,<0.31']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
-ALL = [*EXPORT, *MUJOCO, *TUNE, *LIVE, *VIDEO, *FOXGLOVE, *TOP]
+ALL = [*EXPORT, *MUJOCO, *TUNE, *LIVE, *VIDEO, *FOXGLOVE, *FMU, *TOP]
 SOURCE = ['setuptools>=70.1']  # installs changed sources without the network
 
 setup(
@@ -60,6 +61,7 @@ setup(
         'parallel_robot.studies.tuning',
         'parallel_robot.watch',
         'parallel_robot_control',
+        'parallel_robot_control.foreign',
         'parallel_robot_control.laws',
         'parallel_robot_model',
         'parallel_robot_model.common',
@@ -81,6 +83,7 @@ setup(
         'parallel_robot.bags': ['*.json'],
         'parallel_robot.analysis.report': ['templates/*'],
         'parallel_robot.fmu': ['c/*', 'ros2_control/*'],
+        'parallel_robot_control.foreign': ['*.h'],
         'parallel_robot.live': ['static/*.*', 'static/uplot/*'],
     },
     data_files=[
@@ -142,6 +145,8 @@ setup(
         'mujoco': MUJOCO,
         # `parallel_robot video --out x.mp4`; a GIF needs nothing more.
         'video': VIDEO,
+        # An FMU as a law.
+        'fmu': FMU,
         # All of these.
         'all': ALL,
         # `make demo`, `make setup`.

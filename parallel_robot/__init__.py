@@ -31,6 +31,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
+    'parallel_robot_control.foreign.c_law': ('get_include',),
     'parallel_robot_model.common.errors': (
         'BagError', 'InputError', 'ParallelRobotError', 'RunError',
     ),
@@ -38,9 +39,10 @@ _PLACES = {  # module to what it offers
 }  # fmt: skip
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'benchmark', 'calibrate',
-    'compare', 'export', 'fronts', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load',
-    'metrics', 'plot', 'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'show',
-    'simulate', 'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify', 'video',
+    'compare', 'export', 'fronts', 'get_include', 'grid', 'identify', 'laws', 'limit',
+    'linearise', 'load', 'metrics', 'plot', 'recover', 'replay', 'report', 'rerun', 'save',
+    'scenarios', 'show', 'simulate', 'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify',
+    'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
@@ -66,6 +68,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.spectra import spectrum
     from parallel_robot.python.tuning import tune
     from parallel_robot.python.written_tables import table
+    from parallel_robot_control.foreign.c_law import get_include
     from parallel_robot_model.common.errors import (
         BagError,
         InputError,

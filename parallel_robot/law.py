@@ -3,6 +3,7 @@
 from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.coupling import coupling, synchronisation_error
+from parallel_robot_control.foreign.law import ForeignLaw
 from parallel_robot_control.integral import Integral, advanced, zero_integral
 from parallel_robot_control.switching_functions import saturate, sig
 from parallel_robot_model.common.errors import InputError
@@ -27,6 +28,7 @@ __all__ = [
     'ControlOutput',
     'Feedback',
     'Field',
+    'ForeignLaw',
     'InputError',
     'Integral',
     'JointReference',

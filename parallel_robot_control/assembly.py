@@ -52,6 +52,8 @@ def assemble(
     name = law or configuration.loop.law
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
+    if prepared.foreign is not None:
+        prepared.foreign.judge_period(configuration.loop.period)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
     distinguish(type(configuration.margins))
     estimate = robot.kernel('estimate', configuration.margins, row, row, guess)

@@ -8,6 +8,7 @@ A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``;
 n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
 warnings or raises InputError where its theory forbids a set of gains, ``judge_noise(gains, noise,
 period)``, which returns warnings for noisy rates [rad/s, rms], where that is known,
+``foreign``, see :class:`Foreign`,
 ``ESTIMATOR``, the kind of estimator that it needs, ``LEVELS``, the time over which this one is to
 find noise and disturbance [s], and ``PLACE = True``, if it needs the place in its feedback. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
@@ -72,6 +73,19 @@ class ControlOutput(NamedTuple):
     sliding_variable: Array
     coupled_error: Array
     memory: Any
+
+
+class Foreign(Protocol):
+    """What is outside: the ``foreign`` of a law whose update asks another process."""
+
+    def judge_period(self, period: float) -> None:
+        """Refuse a period [s] that is not the law's, by an InputError."""
+
+    def begin(self) -> None:
+        """Have a process for a new run."""
+
+    def failure(self, gains: Any) -> str:
+        """Why the last update gave no torque; empty if that is not known."""
 
 
 class Law(Protocol):

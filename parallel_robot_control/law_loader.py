@@ -1,4 +1,4 @@
-"""Custom laws: control laws from Python files that are not part of the suite."""
+"""Custom laws: control laws from files that are not part of the suite, Python or foreign."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import cast
 
 from parallel_robot_control import law_titles
 from parallel_robot_control.contract import Law
+from parallel_robot_control.foreign import source
 from parallel_robot_model.processes import custom_module
 from parallel_robot_model.processes.custom_module import RAISED
 from parallel_robot_model.processes.trial_process import LIMIT, step
@@ -28,7 +29,8 @@ def load(path: str) -> tuple[str, Law]:
     Raises:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
-    name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse)
+    stands_for = source.source_of if source.is_foreign(path) else None
+    name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse, stands_for)
     law_titles.check(name, law)
     return name, cast(Law, law)
 

@@ -9,7 +9,13 @@ import numpy as np
 from numba import typeof
 
 from parallel_robot_control import law_output, law_trial
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference, Law
+from parallel_robot_control.contract import (
+    ControlOutput,
+    Feedback,
+    Foreign,
+    JointReference,
+    Law,
+)
 from parallel_robot_control.law_step import Asked, LawParts, stepping
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
@@ -40,6 +46,7 @@ class PreparedLaw(NamedTuple):
         step: Its compiled step.
         law: What its step takes: the law as LawParts, boxed, of one type for all laws.
         warnings: Objections of the theory to gains that are accepted all the same.
+        foreign: The foreign law that it is, if it is one.
     """
 
     name: str
@@ -48,6 +55,18 @@ class PreparedLaw(NamedTuple):
     step: FirstClass
     law: Boxed
     warnings: tuple[str, ...]
+    foreign: Foreign | None = None
+
+    def begin(self) -> None:
+        """Forget what was before."""
+        self.memory.begin()
+        if self.foreign is not None:
+            self.foreign.begin()
+
+    @property
+    def failure(self) -> str:
+        """Why its last torque is not finite; empty if it does not say."""
+        return '' if self.foreign is None else self.foreign.failure(self.gains)
 
 
 def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
@@ -88,6 +107,8 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         memory = law.initial_memory(joints)
         distinguish(type(gains), type(memory))
         typeof(memory)
+    except InputError as error:
+        raise InputError(f'{name}: {error}') from None
     except RAISED as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
     memory = as_vectors(memory)
@@ -103,9 +124,11 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         fits = False
     if not fits:
         own = _with_arrays(name, law, parts, joints)
-    if name not in LAWS:
+    foreign: Foreign | None = getattr(law, 'foreign', None)
+    if name not in LAWS and foreign is None:
         warnings += law_trial.warnings_of(name, law, gains, joints)
-    return PreparedLaw(name, gains, kept, own.erased(ANY), Boxed(parts.value, ANY), warnings)
+    step = own.erased(ANY)
+    return PreparedLaw(name, gains, kept, step, Boxed(parts.value, ANY), warnings, foreign)
 
 
 def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:

@@ -108,7 +108,7 @@ def run(
 def begin(control: Control, plant: Plant, anew: bool = True) -> LoopState:
     """State of a loop before its first sample; arguments as of :func:`run`."""
     if anew:
-        control.law.memory.begin()
+        control.law.begin()
     waiting = not_waiting(len(control.state.held))
     return LoopState(plant.state, control.state, waiting, waiting.command, faults.NONE)
 

@@ -124,9 +124,15 @@ class Simulation(NamedTuple):
         faulty = np.flatnonzero(self.run.fault)
         if not faulty.size:
             return None
-        known = faults.of(self.experiment.trajectory.robot.module)
-        fault = known[int(self.run.fault[faulty[0]])]
+        fault = self._fault(int(self.run.fault[faulty[0]]))
         return float(faulty[0] * self.experiment.loop.period), fault
+
+    def _fault(self, number: int) -> Fault:
+        """A fault of this run; of a foreign law, with what became of it."""
+        fault = faults.of(self.experiment.trajectory.robot.module)[number]
+        law = self.experiment.control.law
+        told = law.failure if number == faults.TORQUE_NOT_FINITE else ''
+        return fault._replace(text=told or fault.text)
 
     @property
     def fault_text(self) -> str:
@@ -147,7 +153,7 @@ class Simulation(NamedTuple):
         speeds, limits = np.abs(self.run.velocity[k]), np.asarray(control.setup.limits.speed)
         fast = np.flatnonzero(speeds > limits)
         if number != faults.SPEED or not fast.size:
-            return faults.of(self.experiment.trajectory.robot.module)[number].text
+            return self._fault(number).text
         joint = int(fast[0])
         value, limit = apart(float(speeds[joint]), float(limits[joint]))
         unit = self.experiment.trajectory.robot.joint_units.one(joint).of('rad/s')

@@ -23,11 +23,11 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 
 
 PROCESSES = (  # tests that start processes
-    *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'bus', 'calibrate', 'cluster'),
-    *('command_line',),
+    *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'bus', 'c_law', 'calibrate'),
+    *('cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
-    *('every_processor', 'first_power_up', 'fmu', 'forked_process'),
+    *('every_processor', 'first_power_up', 'fmu', 'foreign_fmu', 'forked_process'),
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
     *('joins', 'kernel_cache', 'life_cycle', 'mechanism_bits'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
+from foreign_laws import compiled
 from sweeping import Inline
 
 import parallel_robot as pr
@@ -193,6 +194,18 @@ def test_a_law_of_ones_own_is_told_by_its_source(protocol_file):
     found = competitors([str(path), 'pid'])
     assert found.names == ('example_law', 'pid')
     assert found.sources()['example_law'] == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_a_foreign_law_has_the_score_of_the_same_in_python(protocol_file, tmp_path):
+    docs = config.directory().parent / 'docs'
+    library = compiled(tmp_path / 'example_law.so', (docs / 'example_law.c').read_text())
+    found = [
+        judged(protocol_file, tmp_path / f'{k}', str(file)).as_data()['laws']['example_law']
+        for k, file in enumerate((library, docs / 'example_law.py'))
+    ]
+    assert found[0]['default'] == found[1]['default']
+    assert found[0]['source'] == hashlib.sha256(library.read_bytes()).hexdigest()
+    assert found[0]['gains']['serial_2r']['example_law.limit'] == 10.0  # which is not varied
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from contextlib import ExitStack
 import pytest
 from bags import content
 from domain_coordinator import domain_id
+from foreign_laws import made
 
 from parallel_robot.bags import recording
 from parallel_robot.cli.command_line import main
@@ -80,6 +81,15 @@ def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(changes, launch, d
     assert nodes == simulated
     assert len(nodes['joint_states']) == round(0.3 / changes.get('period', 1e-3)) + 1
     assert main(['replay', str(tmp_path / 'nodes')]) == 0
+
+
+def test_a_law_in_c_gives_the_bytes_of_the_simulation(launch, domain, tmp_path):
+    words = ('paper_circle', '--duration', '0.3', '--law', str(made(tmp_path / 'c_law.so')))
+    process = launch(COMMAND_LINE, 'run', *words, '--out', 'nodes', '--time-mode', 'lockstep')
+    assert process.wait() == 0, process.stderr
+    assert main(['simulate', *words, '--out', str(tmp_path / 'simulated')]) == 0
+    nodes, simulated = streams(tmp_path / 'nodes'), streams(tmp_path / 'simulated')
+    assert nodes == simulated and len(nodes['effort_controller/commands']) == 301
 
 
 @pytest.mark.usefixtures('page_alone')

@@ -38,6 +38,7 @@ OPTIONAL = (
     'study',
     'cluster',
     'tune',
+    'fmu',
 )  # extras without which the suite works
 ROSDEP_KEYS = {  # that exist
     *('python3-argcomplete', 'python3-hypothesis', 'python3-jinja2', 'python3-matplotlib'),

@@ -51,6 +51,8 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
         InputError: the law cannot be used.
     """
     loop, robot = configuration.loop, configuration.robot
+    if getattr(configuration.laws[loop.law], 'foreign', None) is not None:
+        raise InputError(f'{loop.law} is a foreign law: an FMU is made of kernels', 'law')
     assembled = control.assemble(configuration)
     root = law_instance(assembled, loop.period)
     instance: LawInstance = root.value

@@ -7,7 +7,8 @@ Laws and robots
     ``dot``, ``cross``, ``multiply`` and ``solve`` are linear algebra.
 Loops
     ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
-    its address, a ``Space``. ``FirstClass`` makes a kernel a value that other kernels take,
+    its address, a ``Space``; ``send``, ``poll``, ``recv`` and ``shutdown`` are those of libc.
+    ``FirstClass`` makes a kernel a value that other kernels take,
     ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
     its address, of type ``ANY`` where only that is needed; ``entry_point`` a kernel one that is
     called from Python without a look at its types. A ``KeptValue`` is memory of any type: kernels
@@ -41,6 +42,7 @@ from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
 from parallel_robot_model.compiler.native_code import NativeObject, native_object
 from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
+from parallel_robot_model.compiler.system_calls import poll, recv, send, shutdown
 from parallel_robot_model.compiler.vector_rows import read_row, write_row
 from parallel_robot_model.compiler.vector_select import clip, every, select, some
 from parallel_robot_model.compiler.vector_types import (
@@ -58,7 +60,8 @@ __all__ = [
     'Space', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
     'begin', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined',
     'inner', 'keep', 'kernel', 'leaves', 'multiply', 'native_object', 'need_compiler',
-    'plain_type', 'present', 'propose', 'read_at', 'read_row', 'reason', 'select', 'shape_of',
+    'plain_type', 'poll', 'present', 'propose', 'read_at', 'read_row', 'reason', 'recv', 'select',
+    'send', 'shape_of', 'shutdown',
     'sine', 'solve', 'solve_full', 'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at',
     'write_row',
 ]  # fmt: skip

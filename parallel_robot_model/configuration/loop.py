@@ -35,7 +35,9 @@ class LoopParameters(NamedTuple):
     robot_description: Annotated[
         str, Field('', 'text of the description of the robot (MJCF, URDF), if it has one')
     ]
-    custom_laws: Annotated[tuple[str, ...], Field('', 'Python files with custom laws')]
+    custom_laws: Annotated[
+        tuple[str, ...], Field('', 'files of custom laws: Python, a C library, an FMU')
+    ]
     custom_robots: Annotated[tuple[str, ...], Field('', 'Python files with custom robots')]
     custom_trajectories: Annotated[
         tuple[str, ...], Field('', 'Python files with custom trajectories')

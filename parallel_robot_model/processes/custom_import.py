@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable
 from importlib import import_module
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -53,8 +54,10 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     content = place + source + imported_sources(source)
     digest = hashlib.sha256(content).hexdigest()[:16]
     name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None  # a .py file always has one
+    # Whatever the file is called, the source is Python.
+    loader = SourceFileLoader(name, str(file))
+    spec = importlib.util.spec_from_file_location(name, file, loader=loader)
+    assert spec is not None  # with a loader there always is one
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     process = os.getpid()

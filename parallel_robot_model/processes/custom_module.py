@@ -6,7 +6,7 @@ import contextlib
 import functools
 import logging
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
@@ -23,7 +23,12 @@ _held: dict[Path, bytes] = {}  # source by file, whatever is in the file
 
 
 def load(
-    path: str, key: str, needed: Sequence[str], groups: Sequence[str], rehearse: Rehearse
+    path: str,
+    key: str,
+    needed: Sequence[str],
+    groups: Sequence[str],
+    rehearse: Rehearse,
+    stands_for: Callable[[Path], bytes] | None = None,
 ) -> tuple[str, ModuleType]:
     """Import a file once, in a separate process first.
 
@@ -33,6 +38,7 @@ def load(
         needed: Attributes that it must have.
         groups: Those of them that must be NamedTuples of parameters.
         rehearse: Calls in that process what the file defines in Python.
+        stands_for: The source that stands for the file, which is not Python.
 
     Returns:
         Name and module.
@@ -48,10 +54,15 @@ def load(
         exists = is_file = False
     if not exists:
         raise InputError(f'{key}: {path} does not exist')
-    if file.suffix != '.py' or not file.stem.isidentifier() or not is_file:
-        raise InputError(f'{key}: {path} is not a Python file whose name is an identifier')
+    kind = 'Python file' if stands_for is None else 'file'
+    if (
+        (stands_for is None and file.suffix != '.py')
+        or not file.stem.isidentifier()
+        or not is_file
+    ):
+        raise InputError(f'{key}: {path} is not a {kind} whose name is an identifier')
     try:
-        module = _module(file, rehearse)
+        module = _module(file, rehearse, stands_for)
     except InputError as error:
         raise InputError(f'{key}: {error}') from None
     except RAISED as error:
@@ -89,13 +100,17 @@ def hold(file: Path, source: bytes) -> None:
 
 
 @functools.cache
-def _module(file: Path, rehearse: Rehearse) -> ModuleType:
+def _module(
+    file: Path, rehearse: Rehearse, stands_for: Callable[[Path], bytes] | None
+) -> ModuleType:
     """The module of a file; a copy of a file that was loaded is the same module."""
-    key = file.stem, _held[file] if file in _held else file.read_bytes()
+    source = _held.get(file) or (stands_for or Path.read_bytes)(file)
+    key = file.stem, source
     if key not in _loaded:
         with _telling(f'loading {file} has taken {SLOW:g} s so far'):
-            try_file(file, key[1], rehearse)
-            _loaded[key] = import_file(file, key[1])
+            if stands_for is None:  # else it is ours
+                try_file(file, source, rehearse)
+            _loaded[key] = import_file(file, source)
     return _loaded[key]
 
 

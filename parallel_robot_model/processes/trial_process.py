@@ -72,10 +72,10 @@ def run(module: str, task: Mapping[str, Any], **environment: str) -> Ended:
     kind, value = lines[-1] if lines else ('step', 'its trial')
     if kind == 'returned':
         return Ended(True, value, '')
-    return Ended(False, None, value if kind == 'raised' else f'{value} {_ending(code)}')
+    return Ended(False, None, value if kind == 'raised' else f'{value} {ending(code)}')
 
 
-def _ending(code: int | None) -> str:
+def ending(code: int | None) -> str:
     """What an exit code says; None for a process that did not end."""
     if code is None:
         return f'does not return within {MAX_WAIT:g} s'

@@ -20,7 +20,10 @@ from parallel_robot_model.common.errors import InputError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
-        'laws', nargs='*', metavar='LAW', help='name of a law, or the Python file of one of yours'
+        'laws',
+        nargs='*',
+        metavar='LAW',
+        help='name of a law, or the file of one of yours: .py, .so, .fmu',
     )
     parser.add_argument(
         '--out',

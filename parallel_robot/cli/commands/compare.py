@@ -21,6 +21,7 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.bags import new_files
 from parallel_robot.bags.progress import tracked
+from parallel_robot.cli import law_file
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
 from parallel_robot.cli.result_format import add_format_argument, show
@@ -41,7 +42,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     simulate.add_scenario_arguments(parser)
     add_window_arguments(parser)
-    parser.add_argument('--laws', nargs='+', metavar='LAW', help='laws to compare, default: all')
+    parser.add_argument(
+        '--laws',
+        nargs='+',
+        metavar='LAW|FILE',
+        help='laws to compare, or files of them, .py, .so, .fmu; default: all',
+    )
     parser.add_argument('--json', type=Path, metavar='FILE', help='write table and claims as JSON')
     add_format_argument(parser)
 
@@ -51,9 +57,10 @@ def execute(arguments: argparse.Namespace) -> int:
     if 'law' in assignments.parse(arguments.assignments):
         raise InputError('--set law: compare has all laws, or those of --laws')
     overrides = simulate.overrides(arguments)
+    overrides |= law_file.files_of(arguments.laws or (), overrides)
     values = resolve(arguments.scenario, overrides)
     scenario, known = str(values['scenario']), available(values['custom_laws'])
-    laws = arguments.laws or list(known)
+    laws = [law_file.name_of(law) for law in arguments.laws or known]
     given = ' '.join(laws)
     if ',' in given:
         names = ' '.join(given.replace(',', ' ').split())

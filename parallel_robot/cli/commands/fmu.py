@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import new_files
+from parallel_robot.cli import law_file
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.fmu.contents import Contents, law_contents, plant_contents
 from parallel_robot.fmu.ros2_package import ros2_package
@@ -52,7 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
     changed: Any = given(arguments)
     scenario = arguments.name
     if arguments.kind == 'law':
-        changed = merged([changed, _chosen(arguments.name)])
+        changed = merged([changed, law_file.chosen(arguments.name, changed)])
         scenario = arguments.scenario or SCENARIO
     elif arguments.ros2_control:
         raise InputError('--ros2-control is for a law, not for a plant')
@@ -83,11 +84,3 @@ def execute(arguments: argparse.Namespace) -> int:
         f'{roles.count("parameter")} tunable parameters, {time.monotonic() - begun:.1f} s'
     )
     return 0
-
-
-def _chosen(law: str) -> dict[str, Any]:
-    """Keys that choose a law by its name, or by its file."""
-    path = Path(law)
-    if path.suffix == '.py':
-        return {'law': path.stem, 'custom_laws': [str(path.absolute())]}
-    return {'law': law}

@@ -13,6 +13,7 @@ from parallel_robot.analysis.report import figures
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import SECONDS
 from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli import law_file
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show
@@ -22,7 +23,9 @@ from parallel_robot_model.common.errors import InputError, WholeNeededError
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument('bag', type=Path, help='directory of a bag, or one file of it')
-    parser.add_argument('--law', help='control law, default: the recorded one')
+    parser.add_argument(
+        '--law', metavar='LAW|FILE', help='control law, or its file; default: the recorded one'
+    )
     add_set_argument(parser)
     add_bag_arguments(parser)
     parser.add_argument(
@@ -39,9 +42,10 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     changes = given(arguments)
     if arguments.law is not None:
-        changed_law = changes.setdefault('law', arguments.law)
-        if changed_law != arguments.law:
-            raise InputError(f'--law is {arguments.law}, but --set law={changed_law}')
+        of_law = law_file.chosen(arguments.law, changes)
+        if changes.get('law', of_law['law']) != of_law['law']:
+            raise InputError(f'--law is {arguments.law}, but --set law={changes["law"]}')
+        changes |= of_law
     if arguments.figure is not None:
         figures.check_new(arguments.figure)
     try:

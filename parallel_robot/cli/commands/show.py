@@ -12,7 +12,9 @@ from typing import Any
 from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.bags.printable_output import as_it_is
+from parallel_robot.cli import law_file
 from parallel_robot.cli.commands.simulate import (
+    add_law_argument,
     add_scenario_argument,
     add_set_argument,
     given_layers,
@@ -38,7 +40,7 @@ UNKNOWN = Field('', '')  # of the keys of the recorder
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     add_scenario_argument(parser)
-    parser.add_argument('--law', help='control law, default: that of the configuration')
+    add_law_argument(parser)
     add_set_argument(parser)
     parser.add_argument(
         '--fit-speed',
@@ -84,7 +86,8 @@ def execute(arguments: argparse.Namespace) -> int:
         files.check(arguments.workspace)
     layers = given_layers(arguments)
     if arguments.law is not None:
-        layers.append(('--law', {'law': arguments.law}))
+        so_far = merged(values for _, values in layers)
+        layers.append(('--law', law_file.chosen(arguments.law, so_far)))
     changed = merged(values for _, values in layers)
     scenario = scenario_of(arguments.scenario)
     values, sources = config.resolve_with_sources(scenario, changed, load(changed))

@@ -15,7 +15,7 @@ from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.simulated_figures import SimulatedFigures
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
-from parallel_robot.cli import invocation
+from parallel_robot.cli import invocation, law_file
 from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimator import delay_text
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def add_run_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of a command that writes a run as a bag."""
     add_scenario_arguments(parser)
-    parser.add_argument('--law', help='control law, default: that of the configuration')
+    add_law_argument(parser)
     parser.add_argument(
         '--out', type=Path, required=True, metavar='DIR', help='bag; must not exist'
     )
@@ -82,6 +82,15 @@ def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
         help='seconds for which the robot is held where its motion ended, default: none',
     )
     add_set_argument(parser)
+
+
+def add_law_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare the law."""
+    parser.add_argument(
+        '--law',
+        metavar='LAW|FILE',
+        help='control law, or the file of one: .py, .so, .fmu; default: that of the configuration',
+    )
 
 
 def add_scenario_argument(parser: argparse.ArgumentParser) -> None:
@@ -136,12 +145,14 @@ def overrides(arguments: argparse.Namespace) -> Placed:
     Raises:
         InputError: no such scenario, or an argument is wrong.
     """
-    options = {'law': getattr(arguments, 'law', None), 'duration': arguments.duration}
+    assigned, law = assignments.parse(arguments.assignments), getattr(arguments, 'law', None)
+    of_law = {} if law is None else law_file.chosen(law, assigned)
+    options = {'law': of_law.get('law'), 'duration': arguments.duration}
     options = {key: value for key, value in options.items() if value is not None}
-    for key, value in assignments.parse(arguments.assignments).items():
+    for key, value in assigned.items():
         if key in options and options[key] != value:
             raise InputError(f'--{key} {options[key]} and --set {key}={value} differ; give one')
-    changed = merged([given(arguments), options])
+    changed = merged([given(arguments), options, of_law])
     share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
     if share is not None:
         changed = _fitted(scenario, changed, share)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from parallel_robot.cli import law_file
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
@@ -29,7 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--laws',
         nargs='+',
-        metavar='LAW',
+        metavar='LAW|FILE',
         help="in place of the study's laws; a name of one of these keeps its gains",
     )
     add_worker_arguments(parser)
@@ -43,7 +44,9 @@ def execute(arguments: argparse.Namespace) -> int:
     workers = make()
     file = study.file_of(arguments.study)
     fixed = simulate.given(arguments)
-    asked = study.parse(study.read(file), str(file), file.parent, arguments.laws)
+    laws = None if arguments.laws is None else [*map(law_file.name_of, arguments.laws)]
+    fixed |= law_file.files_of(arguments.laws or (), fixed)
+    asked = study.parse(study.read(file), str(file), file.parent, laws)
     asked = asked.changed(arguments.runs, fixed)
     out: Path = arguments.out
     planned = plan(asked)

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.bags import custom_sources
 from parallel_robot.studies.sweep import uncertainty
 from parallel_robot.studies.sweep.study import Study, Variant
 from parallel_robot_control.configuration import resolve
@@ -160,7 +161,7 @@ class Plan:
             [stem(case.scenario), case.variant.name, case.nominal] for case in self.cases
         ]
         code = [
-            Path(path).read_text()
+            custom_sources.code(Path(path)).decode()
             for key in config.CUSTOM
             for path in self.study.fixed.get(key, ())
         ]

@@ -101,7 +101,8 @@ def space_of(
 
     A positive gain is varied on a logarithmic scale about its default, and may be 0 where that is
     allowed; one that is limited on both sides is varied between its limits, one that has
-    alternatives among them. Gains that are zero, lists and texts are not varied.
+    alternatives among them. Gains that are zero, lists and texts are not varied, nor what a
+    foreign law has.
 
     Args:
         name: Name of the law.
@@ -128,9 +129,13 @@ def space_of(
     varied: dict[str, Range | Choice] = {}
     fixed: dict[str, Any] = {}
     # Not of a law that has only copied the surface: its own theory may differ.
+    foreign = getattr(law, 'foreign', None) is not None
     coupled = getattr(law, 'judge', None) is s_fotsmc.judge and 'gamma2' not in given
     for key, value in default.items():
         if coupled and key == 'gamma2':
+            continue
+        if foreign and key in gains and key not in given:  # it is how long we wait
+            fixed[key] = value
             continue
         zero = not objection(judged, law, {**default, key: 0.0}, joints)
         among = given[key] if key in given else _natural(known[key], value, zero)

@@ -1,0 +1,144 @@
+"""The process of a foreign law, and the memory through which kernels ask it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import socket
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from parallel_robot_control.foreign import exchange
+from parallel_robot_control.foreign.exchange import DESCRIPTOR, ENDED, GOT, HEAD, LATE, POLLED
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
+from parallel_robot_model.compiler import Space
+from parallel_robot_model.processes.module_process import command
+from parallel_robot_model.processes.trial_process import ending
+
+PROCESS = 'parallel_robot_control.foreign.process'
+LOADING = 60.0  # s, within which a law must be loaded
+ENDING = 5.0  # s, for a process that is told to end
+
+
+class Channel:
+    """A foreign law for a number of joints, in a process that ends with this one.
+
+    Attributes:
+        space: Its memory: HEAD words, a question, an answer.
+        period: The period that the law must have [s]; 0 if it takes any.
+        multiples: Whether multiples of it will do, too.
+    """
+
+    def __init__(self, file: str, names: Mapping[str, Any], joints: int) -> None:
+        """Start it.
+
+        Args:
+            file: The file of the law.
+            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.names`.
+            joints: Number of the joints, n.
+
+        Raises:
+            InputError: the law cannot be loaded, or is for another number of joints.
+        """
+        self._task = {'file': file, 'names': dict(names), 'joints': joints}
+        self._folder = tempfile.TemporaryDirectory(prefix='parallel_robot_law_')
+        self._begin = exchange.question(joints) + HEAD
+        words = max(exchange.answer(joints), exchange.TEXT // exchange.WORD)
+        self.space = Space(self._begin + words)
+        self._sizes = exchange.answer(joints) * exchange.WORD
+        self._fault = self._begin + exchange.FAULT * joints
+        self._owner = 0
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        self.ready()
+
+    def ready(self) -> None:
+        """Start the process, unless it runs."""
+        mine = self._owner == os.getpid()  # that of a copy of this process is not
+        if mine and self._process and self._process.poll() is None and self._well:
+            return
+        if mine:
+            self._end()
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        task = json.dumps(self._task | {'folder': self._folder.name})
+        with theirs:
+            self._process = subprocess.Popen(
+                command(PROCESS, str(theirs.fileno()), task),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,  # what users read is ours
+                pass_fds=(theirs.fileno(),),
+            )
+        self._socket, self._owner = ours, os.getpid()
+        said = self._first_words(ours)
+        self.period, self.multiples = float(said['period']), bool(said['multiples'])
+        floats = self.space.floats
+        floats[[DESCRIPTOR, GOT]] = ours.fileno(), self._sizes
+        floats[POLLED : POLLED + 1].view(np.int32)[:] = ours.fileno(), select.POLLIN
+
+    def _first_words(self, ours: socket.socket) -> dict[str, Any]:
+        """What the process says of the law that it has loaded.
+
+        Raises:
+            InputError: it could not.
+        """
+        ours.settimeout(LOADING)
+        try:
+            words = ours.recv(1 << 16)
+        except TimeoutError:
+            self._end()
+            raise InputError(f'is not loaded within {LOADING:g} s') from None
+        except ConnectionResetError:
+            words = b''
+        if not words:
+            raise InputError(f'the law {self._how()} when it is loaded')
+        said: dict[str, Any] = json.loads(words)
+        if 'refused' in said:
+            self._end()
+            raise InputError(str(said['refused']))
+        ours.setblocking(True)
+        return said
+
+    @property
+    def _well(self) -> bool:
+        return bool(self.space.floats[GOT] == self._sizes)
+
+    def _how(self) -> str:
+        """How the process has ended."""
+        assert self._process is not None
+        try:
+            return ending(self._process.wait(ENDING))
+        except subprocess.TimeoutExpired:
+            return 'gives no answer'
+
+    def _end(self) -> None:
+        """End the process, whatever it does."""
+        if self._socket is not None:
+            self._socket.close()
+        if self._process is not None:
+            with contextlib.suppress(ProcessLookupError):
+                self._process.kill()
+            self._process.wait()
+
+    def failure(self, limit: float) -> str:
+        """Why the last answer had no torque; empty if it had one, finite or not.
+
+        Args:
+            limit: Time that it had [s].
+        """
+        got = int(self.space.floats[GOT])
+        if got == self._sizes:
+            fault = self.space.floats[self._fault]
+            return f'the law is in a fault of its own, {fault:.9g}' if fault else ''
+        if got == LATE:
+            return f'the law gives no answer within {limit:g} s'
+        if got == ENDED:
+            return f'the law {self._how()}'
+        text = self.space.floats[self._begin :].tobytes()[:got]
+        return printable(text.decode(errors='replace').strip())

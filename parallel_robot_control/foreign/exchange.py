@@ -1,0 +1,44 @@
+"""What the suite and the process of a foreign law say to each other: a message of floats each way.
+
+A question has rows of n numbers, two matrices, then numbers; an answer has rows, then a number.
+"""
+
+from __future__ import annotations
+
+WORD = 8  # bytes
+(
+    POSITION,
+    VELOCITY,
+    REFERENCE,
+    REFERENCE_VELOCITY,
+    REFERENCE_ACCELERATION,
+    EXCESS,
+    DISTURBANCE,
+    GRAVITY,
+) = range(8)
+ROWS = 8
+INERTIA, CORIOLIS = range(2)  # M and Q, after the rows
+SESSION, COUNT, DT = range(3)  # after the matrices
+TORQUE, SLIDING_VARIABLE, COUPLED_ERROR, FAULT = range(4)  # of the answer; the fault is a number
+
+# Words of a channel before the messages: descriptor, what poll takes, length of the last answer.
+DESCRIPTOR, POLLED, GOT, HEAD = range(4)
+ENDED, LATE = 0, -1  # as a length: there is none
+
+MOST = 64  # joints, of a foreign law
+TEXT = 512  # bytes, of why a process gives no answer, which it sends in its place
+
+
+def numbers_at(joints: int) -> int:
+    """Where the numbers of a question begin [words]."""
+    return ROWS * joints + 2 * joints * joints
+
+
+def question(joints: int) -> int:
+    """Length of a question [words]."""
+    return numbers_at(joints) + 3
+
+
+def answer(joints: int) -> int:
+    """Length of an answer [words]."""
+    return FAULT * joints + 1

@@ -1,0 +1,100 @@
+"""A foreign law as a law of the suite: what its file is, and the process that answers for it."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from parallel_robot_control.foreign import exchange
+from parallel_robot_control.foreign.channel import Channel
+from parallel_robot_control.foreign.update import Gains, Memory, update
+from parallel_robot_model.common.errors import InputError
+
+PERIODS = 1e-6  # by which two periods may differ, as a share
+
+_channels: dict[tuple[Any, ...], Channel] = {}
+_sessions = itertools.count(1)
+
+
+class ForeignLaw:
+    """A C function or an FMU as a law, see docs/c_law.md and docs/fmu.md.
+
+    Attributes:
+        path: Its file.
+    """
+
+    Gains = Gains
+
+    def __init__(
+        self, path: str, sha256: str, names: Mapping[str, Any] = MappingProxyType({})
+    ) -> None:
+        """Name it; nothing of it runs before it is asked.
+
+        Args:
+            path: Its file.
+            sha256: What the file must be.
+            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.names`.
+        """
+        self.path, self.sha256, self.names = path, sha256, names
+        self.update = update
+        self._channel: Channel | None = None
+
+    def initial_memory(self, joints: int) -> Memory:
+        """Memory before the first question; the process runs.
+
+        Raises:
+            InputError: the file is gone or another one, or cannot be used for so many joints.
+        """
+        key = (self.path, self.sha256, repr(self.names), joints)
+        if key not in _channels:
+            if joints > exchange.MOST:
+                raise InputError(f'{self.path}: at most {exchange.MOST} joints, not {joints}')
+            self._check()
+            _channels[key] = Channel(self.path, self.names, joints)
+        self._channel = _channels[key]
+        self._channel.ready()
+        return Memory(int(self._channel.space), next(_sessions), 0)
+
+    def _check(self) -> None:
+        """Refuse another file than the one that was named.
+
+        Raises:
+            InputError: it is another one, or gone.
+        """
+        try:
+            digest = hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
+        except OSError as error:
+            raise InputError(f'{self.path} cannot be read: {error.strerror}') from None
+        if digest != self.sha256:
+            raise InputError(f'{self.path} is not the file that is meant: its sha256 is {digest}')
+
+    def judge_period(self, period: float) -> None:
+        """Refuse a period that is not the law's; it has an initial memory.
+
+        Raises:
+            InputError: the law is for another one.
+        """
+        own = self._channel.period if self._channel else 0.0
+        if not own or self._channel is None:
+            return
+        steps = round(period / own) if self._channel.multiples else 1
+        if not steps or abs(steps * own - period) > PERIODS * period:
+            whole = 'a part of ' if self._channel.multiples else ''
+            raise InputError(
+                f'{self.path} steps by {own:.9g} s, which must be {whole}the period, '
+                f'{period:.9g} s',
+                'period',
+            )
+
+    def begin(self) -> None:
+        """Have a process for a new run, whatever became of the one before."""
+        if self._channel:
+            self._channel.ready()
+
+    def failure(self, gains: Any) -> str:
+        """Why the last update gave no torque; empty if that is not known."""
+        return self._channel.failure(gains.limit) if self._channel else ''

@@ -1,0 +1,79 @@
+"""What an FMU calls what a law gets and gives: a YAML file beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import yaml_file
+
+INPUTS = (
+    'position',
+    'velocity',
+    'reference.position',
+    'reference.velocity',
+    'reference.acceleration',
+    'excess',
+    'disturbance',
+    'gravity',
+    'error',
+    'error_rate',
+)
+OUTPUTS = ('torque', 'sliding_variable', 'coupled_error', 'fault')
+GROUPS = ('inputs', 'outputs', 'parameters')
+STEP = 'step'  # s, where the one that the FMU names is not meant
+
+
+def beside(path: Path) -> dict[str, Any]:
+    """What the file beside an FMU says; nothing without one.
+
+    Args:
+        path: The FMU; ``controller.yaml`` stands beside ``controller.fmu``.
+
+    Returns:
+        Group to name in the suite to what the FMU calls it; of parameters, name to value.
+
+    Raises:
+        InputError: it cannot be read, or has what is no name.
+    """
+    file = path.with_suffix('.yaml')
+    if path.suffix != '.fmu' or not file.exists():
+        return {}
+    found: dict[str, dict[str, Any]] = {}
+    step: dict[str, float] = {}
+    for key, value in yaml_file.read(file).items():
+        group, _, name = key.partition('.')
+        if key == STEP and isinstance(value, int | float) and value > 0.0:
+            step = {STEP: float(value)}
+            continue
+        try:
+            _check(group, name, value)
+        except InputError as error:
+            raise InputError(f'{file}: {error}') from None
+        found.setdefault(group, {})[name] = value
+    return found | step
+
+
+def _check(group: str, name: str, value: Any) -> None:
+    if group not in GROUPS or not name:
+        raise UnknownNameError('key', group, (*GROUPS, STEP))
+    known = {'inputs': INPUTS, 'outputs': OUTPUTS}.get(group)
+    if known is None:
+        numbers = value if isinstance(value, list) else [value]
+        if not all(isinstance(number, bool | int | float) for number in numbers):
+            raise InputError(f'{group}.{name} must be a number or a list of some, not {value!r}')
+        return
+    if name not in known:
+        raise UnknownNameError(group.removesuffix('s'), name, known)
+    texts = [value] if isinstance(value, str) else value
+    one = name == 'fault' and not isinstance(value, str)
+    if one or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        wanted = 'a name' if one else 'an array, or a list of names, one for each joint'
+        raise InputError(f'{group}.{name} must be {wanted}, not {value!r}')
+
+
+def given(names: Mapping[str, Any], group: str) -> dict[str, Any]:
+    """A group of what :func:`beside` says."""
+    return dict(names.get(group, {}))

@@ -1,0 +1,107 @@
+"""The process of a foreign law: it loads the law, says so, and answers questions to its end."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import json
+import os
+import resource
+import select
+import shutil
+import signal
+import socket
+import sys
+import threading
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol
+
+from parallel_robot_control.foreign import exchange
+from parallel_robot_control.foreign.exchange import COUNT, DT, SESSION, WORD
+from parallel_robot_model.common.errors import ParallelRobotError, first_line
+
+KINDS = {'.so': 'c_law', '.fmu': 'fmu_law'}  # modules, each with a Loaded, by suffix of the file
+
+
+class Loaded(Protocol):
+    """A foreign law that is loaded.
+
+    Attributes:
+        period: The period that it must have [s]; 0 if it takes any.
+        multiples: Whether multiples of it will do, too.
+    """
+
+    period: float
+    multiples: bool
+
+    def update(self, begins: bool, dt: float) -> float:
+        """Answer the question in memory: the number of a fault of its own, 0 without one.
+
+        Args:
+            begins: Whether it must forget all that was before.
+            dt: Time since the last state [s].
+        """
+
+
+def _told(error: BaseException) -> str:
+    known = isinstance(error, ParallelRobotError)
+    return str(error) if known else first_line(error)
+
+
+def _watch(channel: socket.socket, folder: str) -> None:
+    """End this process, whatever the law is doing, when the one that asks has ended."""
+    watched = select.poll()
+    watched.register(channel, 0)  # its end alone
+    watched.poll()
+    shutil.rmtree(folder, ignore_errors=True)
+    os._exit(0)
+
+
+def main() -> None:
+    """Serve."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one that asks
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    channel = socket.socket(fileno=int(sys.argv[1]))
+    channel.set_inheritable(False)
+    task: dict[str, Any] = json.loads(sys.argv[2])
+    threading.Thread(target=_watch, args=(channel, task['folder']), daemon=True).start()
+    joints, file = task['joints'], Path(task['file'])
+    question = (ctypes.c_double * exchange.question(joints))()
+    answer = (ctypes.c_double * exchange.answer(joints))()
+    try:
+        kind = import_module(f'parallel_robot_control.foreign.{KINDS[file.suffix]}')
+        law: Loaded = kind.load(task, question, answer)
+        channel.send(json.dumps({'period': law.period, 'multiples': law.multiples}).encode())
+    except BaseException as error:  # whatever a law raises
+        channel.send(json.dumps({'refused': _told(error)}).encode())
+        os._exit(1)
+    with contextlib.suppress(ConnectionError):  # it has ended before it read an answer
+        _serve(channel, law, joints, question, answer)
+    shutil.rmtree(task['folder'], ignore_errors=True)
+    os._exit(0)
+
+
+def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answer: Any) -> None:
+    """Answer until nobody asks."""
+    numbers = exchange.numbers_at(joints)
+    expected = (0.0, 0.0)
+    while channel.recv_into(question) == WORD * len(question):
+        asked = question[numbers + SESSION], question[numbers + COUNT]
+        begins = asked[1] == 0.0
+        try:
+            if not begins and asked != expected:
+                raise ParallelRobotError(
+                    'two runs ask the same process of a law: it has one memory'
+                )
+            answer[exchange.FAULT * joints] = law.update(begins, question[numbers + DT])
+        except BaseException as error:
+            text = _told(error).encode()[: exchange.TEXT]
+            channel.send(text + b' ' * (len(text) in (0, WORD * len(answer))))
+            return
+        expected = asked[0], asked[1] + 1.0
+        channel.send(answer)
+
+
+if __name__ == '__main__':
+    main()
