@@ -91,6 +91,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
     'fmu': [
         ('law', 'pid', '--out', '{tmp}/out.fmu'),
         ('plant', 'paper_circle', '--out', '{tmp}/out.fmu'),
+        ('loop', 'paper_circle', '--out', '{tmp}/out.fmu'),
         ('law', 'pid', '--ros2-control', '{tmp}/law'),
     ],
     'urdf': [('paper_circle',)],

@@ -75,6 +75,22 @@ def test_rough_plant_gives_the_bits_of_simulate(tmp_path):
     np.testing.assert_array_equal(positions, run.position)
 
 
+def test_loop_of_both_gives_the_bits_of_simulate_and_rests_at_its_end(tmp_path):
+    duration = 0.05
+    more = ('--set', 'law=s_fotsmc', '--set', f'duration={duration}')
+    unit = Unit(made(tmp_path, 'loop', 'paper_circle', *words(ROUGH), *more))
+    run = simulate('paper_circle', law='s_fotsmc', duration=duration, **ROUGH)
+    reference = run.simulation.reference
+    for k in range(len(run.time)):
+        np.testing.assert_array_equal(unit.row('position'), run.position[k])
+        unit.step()
+        np.testing.assert_array_equal(unit.row('torque'), run.command[k])
+        np.testing.assert_array_equal(unit.row('reference.velocity'), reference.velocity[k])
+    unit.step()
+    np.testing.assert_array_equal(unit.row('reference.position'), reference.position[-1])
+    assert not np.any(unit.row('reference.velocity'))
+
+
 def test_library_needs_no_more_than_c(law, plant):
     for folder in (law, plant):
         check_symbols(str(library(folder)))

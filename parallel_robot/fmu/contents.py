@@ -1,12 +1,15 @@
-"""What units are made of: a law with its cycle, or the simulated robot."""
+"""What units are made of: a law with its cycle, the simulated robot, or the loop of both."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from parallel_robot.fmu import law_kernel, plant_kernel
 from parallel_robot.fmu.law_kernel import LawInstance, answer_state, begin_law, law_instance
+from parallel_robot.fmu.loop_kernel import begin_loop, loop_instance, step_loop
 from parallel_robot.fmu.plant_kernel import PlantInstance, advance, plant_instance, tell_state
 from parallel_robot.fmu.variables import WORD, Rows, Variable, of_group
 from parallel_robot_control import assembly as control
@@ -18,9 +21,12 @@ from parallel_robot_model.compiler import Boxed
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.plant import MUJOCO
+from parallel_robot_sim.simulation import samples_of
+from trajectory_gen import preflight
 
+MOST = 600_001  # samples of a motion, of 24 bytes a joint
 OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_age')
 
 
@@ -204,6 +210,39 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
         tuple(variables),
         loop.period,
         {},
+    )
+
+
+def loop_contents(configuration: Configuration) -> Contents:
+    """A law, the simulated robot and the motion of a scenario.
+
+    Raises:
+        InputError: as of both, or the robot cannot perform the motion.
+    """
+    law, plant = law_contents(configuration.control), plant_contents(configuration.plant)
+    count = samples_of(configuration)
+    if count > MOST:
+        longest = (MOST - 1) * law.period
+        raise InputError(
+            f'duration must be at most {longest:g} s in an FMU, which holds the motion', 'duration'
+        )
+    preflight.check(configuration.trajectory, law.period)
+    reference = configuration.trajectory.sample(np.arange(count) * law.period)
+    variables = [
+        each._replace(role='output') if each.name.startswith('reference.') else each
+        for each in law.variables
+        if each.role != 'input' or each.name.startswith('reference.')
+    ]
+    return Contents(
+        f'{law.text}, with the simulated robot and its motion',
+        loop_instance(law.root, plant.root, reference),
+        {'unit_begin': begin_loop, 'unit_step': step_loop},
+        (
+            *(each for each in variables if each.name != 'effort_known'),
+            *(each for each in plant.variables if each.role != 'input'),
+        ),
+        law.period,
+        law.codes,
     )
 
 

@@ -10,14 +10,19 @@ from typing import Any
 from parallel_robot.bags import new_files
 from parallel_robot.cli import law_file
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.fmu.contents import Contents, law_contents, plant_contents
+from parallel_robot.fmu.contents import (
+    Contents,
+    law_contents,
+    loop_contents,
+    plant_contents,
+)
 from parallel_robot.fmu.ros2_package import ros2_package
 from parallel_robot.fmu.unit import identifier, unit
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import locating, merged
 from parallel_robot_model.configuration.robot_names import scenario_of
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import Configuration, configure
 
 SCENARIO = 'paper_circle'
 STEPS = 1000  # of the default experiment; for more, fmpy takes longer ones unless it is told
@@ -27,10 +32,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
     parser.add_argument(
         'kind',
-        choices=('law', 'plant'),
-        help='law: with its control cycle; plant: the simulated robot, its motors and sensors',
+        choices=('law', 'plant', 'loop'),
+        help='law: with its control cycle; plant: the simulated robot, its motors and sensors; '
+        'loop: both, with the motion of the scenario',
     )
-    parser.add_argument('name', help='law, or its file; of a plant the scenario, or its file')
+    parser.add_argument(
+        'name', help='law, or its file; of a plant or loop the scenario, or its file'
+    )
     parser.add_argument(
         '--scenario', metavar='SCENARIO', help=f'robot and limits of a law; default: {SCENARIO}'
     )
@@ -56,18 +64,16 @@ def execute(arguments: argparse.Namespace) -> int:
         changed = merged([changed, law_file.chosen(arguments.name, changed)])
         scenario = arguments.scenario or SCENARIO
     elif arguments.ros2_control:
-        raise InputError('--ros2-control is for a law, not for a plant')
+        raise InputError(f'--ros2-control is for a law, not for a {arguments.kind}')
     elif arguments.scenario:
-        raise InputError(f'--scenario is for a law; the plant is that of {arguments.name}')
+        raise InputError(
+            f'--scenario is for a law; the {arguments.kind} is that of {arguments.name}'
+        )
     values = resolve(scenario_of(scenario), changed)
     begun = time.monotonic()
     with locating(values):
         configuration = configure(values)
-        contents: Contents = (
-            law_contents(configuration.control)
-            if arguments.kind == 'law'
-            else plant_contents(configuration.plant)
-        )
+        contents = _contents(arguments.kind, configuration)
         if arguments.ros2_control:
             package = ros2_package(contents, configuration.control, place.name)
             new_files.save_directory(place, package)
@@ -84,3 +90,11 @@ def execute(arguments: argparse.Namespace) -> int:
         f'{roles.count("parameter")} tunable parameters, {time.monotonic() - begun:.1f} s'
     )
     return 0
+
+
+def _contents(kind: str, configuration: Configuration) -> Contents:
+    if kind == 'law':
+        return law_contents(configuration.control)
+    if kind == 'plant':
+        return plant_contents(configuration.plant)
+    return loop_contents(configuration)
