@@ -73,7 +73,12 @@ def native(law: str, folder: Path, cycles: int) -> list[str]:
     rows.tofile(states)
     joints = (rows.shape[1] - 1) // 6
     library = folder / 'binaries' / 'linux64' / 'law.so'
-    words = [host(folder), library, root.get('guid'), states, joints, cycles, PERIOD_NS]
+    (torque,) = (
+        variable.get('valueReference')
+        for variable in root.iter('ScalarVariable')
+        if variable.get('name') == 'torque[1]'
+    )
+    words = [host(folder), library, root.get('guid'), states, joints, cycles, PERIOD_NS, torque]
     return [*map(str, words)]
 
 

@@ -1,7 +1,8 @@
 /* Runs the library of an FMU 2.0 of a law at a fixed rate, and prints what it took as JSON.
 
-   Usage: native_host LIBRARY GUID STATES JOINTS CYCLES PERIOD_NS
-   STATES: rows of doubles, the real inputs of the law in their order. */
+   Usage: native_host LIBRARY GUID STATES JOINTS CYCLES PERIOD_NS TORQUE
+   STATES: rows of doubles, the real inputs of the law in their order.
+   TORQUE: number of the torque of the first joint. */
 
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -50,7 +51,7 @@ static void told(const char *name, double *values, long count)
 
 int main(int count, char **words)
 {
-    if (count != 7)
+    if (count != 8)
         return 2;
     int joints = atoi(words[4]);
     long cycles = atol(words[5]), inputs = 6 * joints + 1, rows;
@@ -80,7 +81,7 @@ int main(int count, char **words)
     for (long k = 0; k < inputs; k++)
         numbers[k] = k;
     for (long k = 0; k < joints; k++)
-        outputs[k] = inputs + 1 + k; /* behind effort_known */
+        outputs[k] = atoi(words[7]) + k;
     double *late = malloc(cycles * 8), *spent = malloc(cycles * 8), torque[joints], sum = 0.0;
     memset(late, 1, cycles * 8), memset(spent, 1, cycles * 8);
     struct sched_param priority = {.sched_priority = 80};

@@ -97,6 +97,7 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
         ('delays', '1'),
         ('estimators', '1'),
         ('kernels', '1', '1'),
+        ('native', '--seconds', '0.5'),
     ],
 )
 def test_a_program_that_a_page_cites_ends_with_figures(words, monkeypatch, capsys):

@@ -3,6 +3,7 @@
 What it touches of ROS is a stand-in, ros2_control/stand_in.hpp; the torques are those of simulate.
 """
 
+import json
 import re
 import shutil
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from fmu_units import PERIOD
 
 import parallel_robot as pr
@@ -239,6 +241,30 @@ def test_the_page_of_the_package_names_what_it_is(package):
     assert not [name for name, text in whole.items() if re.search('@[a-z]+@', text)]
     assert 'type: paper_law/LawController' in whole['controllers.yaml']
     assert 'control cycle of s_fotsmc for planar_3rrr' in whole['plugin.xml']
+
+
+def test_names_of_joints_are_texts_of_c_and_of_yaml(tmp_path):
+    names = ['a "b"', 'c: [d]', r'e\f']
+    place = tmp_path / 'own_joints'
+    words = (
+        'fmu',
+        'law',
+        'pid',
+        '--ros2-control',
+        str(place),
+        '--set',
+        f'joints={json.dumps(names)}',
+    )
+    assert main(list(words)) == 0
+    parameters = yaml.safe_load((place / 'config' / 'controllers.yaml').read_text())
+    assert parameters['own_joints']['ros__parameters']['joints'] == names
+    text = '#include "layout.h"\n#include <iostream>\nint main() { for (const auto & name : '
+    text += 'layout::joint_names()) std::cout << name << std::endl; }'
+    (tmp_path / 'names.cpp').write_text(text)
+    compiled = ['g++', f'-I{place}/src/native', 'names.cpp', '-o', 'names']
+    subprocess.run(compiled, cwd=tmp_path, check=True)
+    told = subprocess.run([tmp_path / 'names'], capture_output=True, text=True, check=True)
+    assert told.stdout.splitlines() == names
 
 
 @pytest.mark.parametrize(

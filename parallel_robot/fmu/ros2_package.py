@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Iterable
 from importlib.resources import files
+from xml.sax.saxutils import escape
 
 from parallel_robot.fmu.contents import Contents
 from parallel_robot.fmu.unit import code_of
@@ -64,7 +67,7 @@ def ros2_package(
         'package': name,
         'text': contents.text,
         'rate': str(round(rate)),
-        'joints': ', '.join(joints),
+        'joints': _quoted(joints),
         'timeout': repr(timeout),
     }
     source = files('parallel_robot.fmu')
@@ -84,13 +87,18 @@ def ros2_package(
 
 
 def _filled(template: str, words: dict[str, str]) -> bytes:
-    return re.sub('@([a-z]+)@', lambda found: words[found[1]], template).encode()
+    told = words | {'text': escape(words['text'])}  # it stands in XML alone
+    return re.sub('@([a-z]+)@', lambda found: told[found[1]], template).encode()
+
+
+def _quoted(names: Iterable[str]) -> str:
+    """Names as strings of C++ and of YAML."""
+    return ', '.join(json.dumps(name, ensure_ascii=False) for name in names)
 
 
 def _layout(contents: Contents, joints: tuple[str, ...], timeout: float) -> str:
     """Where the variables of the joints stand in the table, in C++."""
     numbers = {variable.name: k for k, variable in enumerate(contents.variables)}
-    names = ', '.join(f'"{joint}"' for joint in joints)
     return '\n'.join(
         (
             '// Written by parallel_robot: where the variables of the law stand in their table.',
@@ -106,7 +114,7 @@ def _layout(contents: Contents, joints: tuple[str, ...], timeout: float) -> str:
             f'constexpr std::uint8_t REFERENCE_STALE = {faults.REFERENCE_STALE};',
             f'constexpr std::uint8_t STATES_INVALID = {faults.STATES_INVALID};',
             f'constexpr double REFERENCE_TIMEOUT = {timeout!r};  // s',
-            f'inline std::vector<std::string> joint_names() {{ return {{{names}}}; }}',
+            f'inline std::vector<std::string> joint_names() {{ return {{{_quoted(joints)}}}; }}',
             '}  // namespace layout\n',
         )
     )
