@@ -1,6 +1,7 @@
 """Kernels: plain IEEE arithmetic, functions as values."""
 
 import collections
+import gc
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,6 +111,7 @@ def test_what_boxed_constants_hold_is_kept(counted, freed):
     """A text by the copy in memory, an array by the object that is boxed."""
     boxed = Boxed(Constants(counted, 1.0))  # its kernel is compiled here
     memsys_enable_stats()
+    gc.collect()  # what other tests have left would be freed meanwhile
     before = rtsys.get_allocation_stats()
     boxed = Boxed(Constants(counted, 1.0))
     for _ in range(100):
