@@ -92,19 +92,12 @@ def of(log: RunLog) -> MotorLag | None:
     if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
         return None
     tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
-    off = np.array(
-        [
-            [
-                [np.sum(_left(lag, delay, *joint, period, warm) ** 2) for lag in tried]
-                for joint in zip(command.T, effort.T, strict=True)
-            ]
-            for delay in range(LATEST + 1)
-        ]
-    )
-    delay = int(off.min(axis=2).sum(axis=1).argmin())
+    joints = [*zip(command.T, effort.T, strict=True)]
+    off = np.array([_squares(*joint, tried, period, warm) for joint in joints])
+    delay = int(off.min(axis=1).sum(axis=0).argmin())
     found = [
-        _nearest(tried, of_joint, delay, asked, given, period, warm)
-        for of_joint, asked, given in zip(off[delay], command.T, effort.T, strict=True)
+        _nearest(tried, of_joint, delay, *joint, period, warm)
+        for of_joint, joint in zip(off[..., delay], joints, strict=True)
     ]
     values, half_widths = np.array(found).T
     return MotorLag(values, half_widths, delay * period, period)
@@ -117,11 +110,18 @@ def _followed(command: Array, lag: float, period: float) -> Array:
     return np.asarray(command + (begin - command) * (1.0 - kept) * lag / period)
 
 
-def _left(
-    lag: float, delay: int, command: Array, effort: Array, period: float, warm: int
-) -> Array:
-    """Efforts less what a lag makes of commands that act so many samples late [N m]."""
-    followed = _followed(command, lag, period)
+def _squares(
+    command: Array, effort: Array, tried: Array, period: float, warm: int
+) -> list[list[float]]:
+    """Sums of what is left of the efforts, by the time constants that are tried and the delay."""
+    return [
+        [float(np.sum(_left(followed, delay, effort, warm) ** 2)) for delay in range(LATEST + 1)]
+        for followed in (_followed(command, lag, period) for lag in tried)
+    ]
+
+
+def _left(followed: Array, delay: int, effort: Array, warm: int) -> Array:
+    """Efforts less what follows commands that act so many samples late [N m]."""
     return np.asarray((effort[1 + delay :] - followed[: len(followed) - 1 - delay])[warm:])
 
 
@@ -139,7 +139,7 @@ def _nearest(
     around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
 
     def left(lag: float) -> Array:
-        return _left(lag, delay, command, effort, period, warm)
+        return _left(_followed(command, lag, period), delay, effort, warm)
 
     near = minimize_scalar(
         lambda lag: np.sum(left(lag) ** 2), bounds=around, method='bounded',
