@@ -17,6 +17,11 @@ from parallel_robot_model.processes.trial_process import LIMIT, step
 NEEDED = ('Gains', 'initial_memory', 'update')
 
 
+def is_file(law: str) -> bool:
+    """Whether a law is given as a file, by how the name ends."""
+    return law.endswith('.py') or source.is_foreign(law)
+
+
 def load(path: str) -> tuple[str, Law]:
     """Import a law file once.
 

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numba import typeof
 
-from parallel_robot_control import law_output, law_trial
+from parallel_robot_control import faults, law_output, law_trial
 from parallel_robot_control.contract import (
     ControlOutput,
     Feedback,
@@ -33,7 +33,9 @@ from parallel_robot_model.compiler import (
 )
 from parallel_robot_model.processes.custom_module import RAISED
 from parallel_robot_model.processes.tuple_classes import distinguish
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_model.robots.contract import Fault, Model
+
+NO_NUMBER = faults.FAULTS[faults.TORQUE_NOT_FINITE].key
 
 
 class PreparedLaw(NamedTuple):
@@ -63,10 +65,11 @@ class PreparedLaw(NamedTuple):
         if self.foreign is not None:
             self.foreign.begin()
 
-    @property
-    def failure(self) -> str:
-        """Why its last torque is not finite; empty if it does not say."""
-        return '' if self.foreign is None else self.foreign.failure(self.gains)
+    def explained(self, fault: Fault) -> Fault:
+        """A fault of a controller with this law, with what became of a foreign one."""
+        if self.foreign is None or fault.key != NO_NUMBER:
+            return fault
+        return fault._replace(text=self.foreign.failure(self.gains) or fault.text)
 
 
 def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ from functools import partial
 
 from rclpy.publisher import Publisher
 
-from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import LOG, STATUS, TELEMETRY
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.messages import (
@@ -114,9 +113,7 @@ class ControllerTopics:
             logger.info(f'delay of the states: {status.delay}')
         if status.fault != (before.fault if before else None):
             if status.fault:
-                number = faults.NUMBERS.get(status.fault.key)
-                told = self._controller.law.failure if number == faults.TORQUE_NOT_FINITE else ''
-                text = told or status.fault.text
+                text = self._controller.law.explained(status.fault).text
                 logger.error(f'fault: {text}; ~/clear_fault ends the safe action')
             else:
                 logger.info('fault cleared')

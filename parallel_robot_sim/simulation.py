@@ -130,9 +130,7 @@ class Simulation(NamedTuple):
     def _fault(self, number: int) -> Fault:
         """A fault of this run; of a foreign law, with what became of it."""
         fault = faults.of(self.experiment.trajectory.robot.module)[number]
-        law = self.experiment.control.law
-        told = law.failure if number == faults.TORQUE_NOT_FINITE else ''
-        return fault._replace(text=told or fault.text)
+        return self.experiment.control.law.explained(fault)
 
     @property
     def fault_text(self) -> str:

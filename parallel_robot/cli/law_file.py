@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_control.foreign.source import is_foreign
+from parallel_robot_control import law_loader
 from parallel_robot_model.configuration import modules
 
 KEY = 'custom_laws'
@@ -14,7 +14,7 @@ KEY = 'custom_laws'
 
 def is_file(law: str) -> bool:
     """Whether a law is given as a file, by its name."""
-    return '/' in law or Path(law).suffix == '.py' or is_foreign(law)
+    return '/' in law or law_loader.is_file(law)
 
 
 def name_of(law: str) -> str:

@@ -95,7 +95,6 @@ class CLaw:
             raise InputError(f'{file}: {PERIOD} must be a time, not {self.period:g}')
         self._update = getattr(library, UPDATE)
         self._update.argtypes, self._update.restype = [POINTER(_Input), POINTER(_Output)], c_int32
-        self._joints, self._question, self._answer = joints, question, answer
         places = [k * joints for k in range(exchange.ROWS)]
         places += [(exchange.ROWS + k * joints) * joints for k in range(2)]
         self._input = _Input(joints, 0, 0.0, *(_row(question, place) for place in places))
@@ -103,11 +102,6 @@ class CLaw:
 
     def update(self, begins: bool, dt: float) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`."""
-        n = self._joints
-        for k in range(n):
-            error = self._question[exchange.REFERENCE * n + k] - self._question[k]
-            self._answer[k] = math.nan
-            self._answer[n + k] = self._answer[2 * n + k] = error
         self._input.begins, self._input.dt = begins, dt
         return float(self._update(byref(self._input), byref(self._output)))
 

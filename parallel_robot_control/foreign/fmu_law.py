@@ -8,7 +8,7 @@ import zipfile
 from collections.abc import Iterable
 from typing import Any
 
-from parallel_robot_control.foreign import exchange, names
+from parallel_robot_control.foreign import names
 from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line
 
 VERSIONS = ('2.0', '3.0')
@@ -16,25 +16,6 @@ FLOATS = ('Real', 'Float64', 'Float32')
 NUMBERS = (*FLOATS, 'Boolean', 'Integer', 'Int8', 'UInt8', 'Int16', 'UInt16', 'Int32', 'UInt32')
 PLACES = ('binaries/linux64/', 'binaries/x86_64-linux/')
 MANY = 100_000  # periods between two states
-ROWS = {  # of the question
-    'position': exchange.POSITION,
-    'velocity': exchange.VELOCITY,
-    'reference.position': exchange.REFERENCE,
-    'reference.velocity': exchange.REFERENCE_VELOCITY,
-    'reference.acceleration': exchange.REFERENCE_ACCELERATION,
-    'excess': exchange.EXCESS,
-    'disturbance': exchange.DISTURBANCE,
-    'gravity': exchange.GRAVITY,
-}
-DIFFERENCES = {  # of two rows
-    'error': (exchange.REFERENCE, exchange.POSITION),
-    'error_rate': (exchange.REFERENCE_VELOCITY, exchange.VELOCITY),
-}
-OUTPUTS = {
-    'torque': exchange.TORQUE,
-    'sliding_variable': exchange.SLIDING_VARIABLE,
-    'coupled_error': exchange.COUPLED_ERROR,
-}
 
 
 class FmuLaw:
@@ -85,10 +66,10 @@ class FmuLaw:
         self.multiples = bool(any_step)
         self._variables = {variable.name: variable for variable in described.modelVariables}
         groups = {group: names.given(task['names'], group) for group in names.GROUPS}
-        self._inputs = self._named(groups['inputs'], 'input', (*ROWS, *DIFFERENCES))
+        self._inputs = self._named(groups['inputs'], 'input', names.INPUTS)
         if not self._inputs:
             raise InputError(self._without('input', 'position'))
-        self._outputs = self._named(groups['outputs'], 'output', OUTPUTS)
+        self._outputs = self._named(groups['outputs'], 'output', names.RESULTS)
         if 'torque' not in self._outputs:
             raise InputError(self._without('output', 'torque'))
         fault = groups['outputs'].get('fault', 'fault')
@@ -136,19 +117,16 @@ class FmuLaw:
             self._step(self._period)
         n, asked = self._joints, self._question
         for name, variables in self._inputs.items():
-            if name in ROWS:
-                begin = n * ROWS[name]
+            if name in names.ROWS:
+                begin = n * names.ROWS[name]
                 values = asked[begin : begin + n]
             else:
-                one, other = DIFFERENCES[name]
+                one, other = names.DIFFERENCES[name]
                 values = [asked[n * one + k] - asked[n * other + k] for k in range(n)]
             self._put(variables, values)
         self._step(self._period)
-        for k in range(n):
-            error = asked[n * exchange.REFERENCE + k] - asked[n * exchange.POSITION + k]
-            self._answer[n + k] = self._answer[2 * n + k] = error
         for name, variables in self._outputs.items():
-            begin = n * OUTPUTS[name]
+            begin = n * names.RESULTS[name]
             self._answer[begin : begin + n] = self._get(variables)
         return float(self._get([self._fault])[0]) if self._fault else 0.0
 

@@ -6,31 +6,46 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from parallel_robot_control.foreign import exchange
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import yaml_file
 
-INPUTS = (
-    'position',
-    'velocity',
-    'reference.position',
-    'reference.velocity',
-    'reference.acceleration',
-    'excess',
-    'disturbance',
-    'gravity',
-    'error',
-    'error_rate',
-)
-OUTPUTS = ('torque', 'sliding_variable', 'coupled_error', 'fault')
+ROWS = {  # of the question
+    'position': exchange.POSITION,
+    'velocity': exchange.VELOCITY,
+    'reference.position': exchange.REFERENCE,
+    'reference.velocity': exchange.REFERENCE_VELOCITY,
+    'reference.acceleration': exchange.REFERENCE_ACCELERATION,
+    'excess': exchange.EXCESS,
+    'disturbance': exchange.DISTURBANCE,
+    'gravity': exchange.GRAVITY,
+}
+DIFFERENCES = {  # of two rows
+    'error': (exchange.REFERENCE, exchange.POSITION),
+    'error_rate': (exchange.REFERENCE_VELOCITY, exchange.VELOCITY),
+}
+RESULTS = {  # of the answer
+    'torque': exchange.TORQUE,
+    'sliding_variable': exchange.SLIDING_VARIABLE,
+    'coupled_error': exchange.COUPLED_ERROR,
+}
+INPUTS = (*ROWS, *DIFFERENCES)
+OUTPUTS = (*RESULTS, 'fault')
 GROUPS = ('inputs', 'outputs', 'parameters')
 STEP = 'step'  # s, where the one that the FMU names is not meant
+
+
+def file_beside(path: Path) -> Path | None:
+    """The file beside an FMU, ``controller.yaml`` beside ``controller.fmu``; None without one."""
+    file = path.with_suffix('.yaml')
+    return file if path.suffix == '.fmu' and file.exists() else None
 
 
 def beside(path: Path) -> dict[str, Any]:
     """What the file beside an FMU says; nothing without one.
 
     Args:
-        path: The FMU; ``controller.yaml`` stands beside ``controller.fmu``.
+        path: The FMU.
 
     Returns:
         Group to name in the suite to what the FMU calls it; of parameters, name to value.
@@ -38,8 +53,8 @@ def beside(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read, or has what is no name.
     """
-    file = path.with_suffix('.yaml')
-    if path.suffix != '.fmu' or not file.exists():
+    file = file_beside(path)
+    if file is None:
         return {}
     found: dict[str, dict[str, Any]] = {}
     step: dict[str, float] = {}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import json
+import math
 import os
 import resource
 import select
@@ -94,6 +95,7 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
                 raise ParallelRobotError(
                     'two runs ask the same process of a law: it has one memory'
                 )
+            _preset(joints, question, answer)
             answer[exchange.FAULT * joints] = law.update(begins, question[numbers + DT])
         except BaseException as error:
             text = _told(error).encode()[: exchange.TEXT]
@@ -101,6 +103,14 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
             return
         expected = asked[0], asked[1] + 1.0
         channel.send(answer)
+
+
+def _preset(n: int, question: Any, answer: Any) -> None:
+    """Write what stands where a law of n joints says nothing: no torque, and the error."""
+    for k in range(n):
+        error = question[exchange.REFERENCE * n + k] - question[exchange.POSITION * n + k]
+        answer[exchange.TORQUE * n + k] = math.nan
+        answer[exchange.SLIDING_VARIABLE * n + k] = answer[exchange.COUPLED_ERROR * n + k] = error
 
 
 if __name__ == '__main__':

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_control.configuration import available
-from parallel_robot_control.foreign.source import is_foreign
+from parallel_robot_control.foreign.names import file_beside
+from parallel_robot_control.law_loader import is_file
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 SHIPPED = 'of the suite'
@@ -36,9 +37,9 @@ class Competitors:
         """Law to the SHA-256 of its file and of what stands beside it, or that it is shipped."""
         found = dict.fromkeys(self.names, SHIPPED)
         for path in self.files:
-            beside = path.with_suffix('.yaml') if path.suffix == '.fmu' else path
-            names = beside.read_bytes() if beside != path and beside.exists() else b''
-            found[path.stem] = hashlib.sha256(path.read_bytes() + names).hexdigest()
+            beside = file_beside(path)
+            called = beside.read_bytes() if beside else b''
+            found[path.stem] = hashlib.sha256(path.read_bytes() + called).hexdigest()
         return found
 
 
@@ -51,11 +52,11 @@ def competitors(given: Sequence[str]) -> Competitors:
     Raises:
         InputError: there is no such law or file, or a law is named twice.
     """
-    files = [Path(each).resolve() for each in given if _is_file(each)]
+    files = [Path(each).resolve() for each in given if is_file(each)]
     for path in files:
         if not path.is_file():
             raise InputError(f'there is no file {path}')
-    names = [Path(each).stem if _is_file(each) else each for each in given]
+    names = [Path(each).stem if is_file(each) else each for each in given]
     known = available([str(path) for path in files])
     for name in names:
         if name not in known:
@@ -63,7 +64,3 @@ def competitors(given: Sequence[str]) -> Competitors:
         if names.count(name) > 1:
             raise InputError(f'{name} is named twice')
     return Competitors(tuple(names), tuple(files))
-
-
-def _is_file(law: str) -> bool:
-    return law.endswith('.py') or is_foreign(law)
