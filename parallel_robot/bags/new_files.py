@@ -54,8 +54,15 @@ def save(path: Path, content: bytes | memoryview) -> None:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    try:
+    with _asked_for(path):
         write(path, content)
+
+
+@contextlib.contextmanager
+def _asked_for(path: Path) -> Iterator[None]:
+    """Say in a line why what a command was asked for cannot be written."""
+    try:
+        yield
     except OSError as error:
         kind = RunError if error.errno in FULL else InputError
         raise kind(f'cannot write {path}: {error.strerror}') from None
@@ -71,7 +78,7 @@ def growing(path: Path) -> Iterator[IO[bytes]]:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    try:
+    with _asked_for(path):
         draft = path.with_name(f'.{path.name}.{os.getpid()}.part')
         file = draft.open('xb')
         try:
@@ -80,9 +87,6 @@ def growing(path: Path) -> Iterator[IO[bytes]]:
             _rename(draft, path)
         finally:
             draft.unlink(missing_ok=True)
-    except OSError as error:
-        kind = RunError if error.errno in FULL else InputError
-        raise kind(f'cannot write {path}: {error.strerror}') from None
 
 
 def _rename(draft: Path, path: Path) -> None:
@@ -104,17 +108,16 @@ def save_directory(path: Path, contents: Mapping[str, bytes]) -> None:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    try:
-        with tempfile.TemporaryDirectory(dir=path.absolute().parent) as folder:
-            draft = Path(folder) / path.name
-            for name, content in contents.items():
-                (draft / name).parent.mkdir(parents=True, exist_ok=True)
-                write(draft / name, content)
-            path.mkdir()  # none that exists, not even an empty one, is replaced
-            draft.rename(path)
-    except OSError as error:
-        kind = RunError if error.errno in FULL else InputError
-        raise kind(f'cannot write {path}: {error.strerror}') from None
+    with (
+        _asked_for(path),
+        tempfile.TemporaryDirectory(dir=path.absolute().parent) as folder,
+    ):
+        draft = Path(folder) / path.name
+        for name, content in contents.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            write(draft / name, content)
+        path.mkdir()  # none that exists, not even an empty one, is replaced
+        draft.rename(path)
 
 
 @contextlib.contextmanager
