@@ -139,8 +139,7 @@ def test_a_reference_of_before_is_carried_to_the_state(host, run):
         host.begin() if late == 0 else host('deactivate')
         ahead = late * PERIOD
         a = np.full(n, 0.5)
-        q, v = run.reference[0] - 0.5 * ahead**2 * a, -ahead * a
-        v, q = v, run.reference[0] + 0.5 * ahead**2 * a
+        q, v = run.reference[0] + 0.5 * ahead**2 * a, -ahead * a
         now = 10 * STEP
         host.refer(now - late * STEP, (q, v, a))
         assert host('activate', now) == 'success'

@@ -94,7 +94,7 @@ def answer_state(instance: LawInstance) -> int:
     effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
     sample = int(read_at(values, first + SAMPLE, 0.0))
     if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see transitions.joining
-        last = taking_over(state.last, select(known, effort, state.last.torque))
+        last = taking_over(state.last, effort)
         state = CycleState(
             state.pose,
             last,

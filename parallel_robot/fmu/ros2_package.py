@@ -65,7 +65,7 @@ def ros2_package(
     joints, timeout = configuration.loop.joints, configuration.safety.reference_timeout
     words = {
         'package': name,
-        'text': contents.text,
+        'text': escape(contents.text),  # it stands in XML
         'rate': str(round(rate)),
         'joints': _quoted(joints),
         'timeout': repr(timeout),
@@ -87,8 +87,7 @@ def ros2_package(
 
 
 def _filled(template: str, words: dict[str, str]) -> bytes:
-    told = words | {'text': escape(words['text'])}  # it stands in XML alone
-    return re.sub('@([a-z]+)@', lambda found: told[found[1]], template).encode()
+    return re.sub('@([a-z]+)@', lambda found: words[found[1]], template).encode()
 
 
 def _quoted(names: Iterable[str]) -> str:

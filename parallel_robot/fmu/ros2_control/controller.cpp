@@ -152,9 +152,8 @@ public:
       RCLCPP_ERROR(logger, "no reference comes on ~/reference: start the trajectory first");
       return CallbackReturn::FAILURE;
     }
-    state_write(instance_.get(), first_state_.data());
+    begin_anew();
     clear_ = false;
-    fault_ = 0;
     published_ = std::nullopt;
     return CallbackReturn::SUCCESS;
   }
@@ -169,8 +168,7 @@ public:
   return_type update(const rclcpp::Time & time, const rclcpp::Duration &) override
   {
     if (clear_.exchange(false)) {
-      state_write(instance_.get(), first_state_.data());
-      fault_ = 0;
+      begin_anew();
     }
     // The newest reference; one that is just being written is taken in the next cycle.
     if (const auto heard = box_.try_get()) {
@@ -212,6 +210,12 @@ private:
   {
     instance_.reset(instance_new());
     return instance_ && instance_begin(instance_.get());
+  }
+
+  void begin_anew()
+  {
+    state_write(instance_.get(), first_state_.data());
+    fault_ = 0;
   }
 
   bool take_parameters()
