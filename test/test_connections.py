@@ -1,5 +1,7 @@
 """What a node subscribes to, and when its partners are there."""
 
+from types import SimpleNamespace
+
 import pytest
 from rclpy.qos import ReliabilityPolicy
 
@@ -31,9 +33,14 @@ class Relay(SuiteNode):
 
     def __init__(self):
         super().__init__('relay')
+        self.told = []
         self.publisher(topics.POSE, essential=False)
         self.publisher(topics.COMMANDS)
         self.subscribe(topics.JOINT_STATES, print)
+
+    def doubt(self, text):
+        if 'two publishers' in text:
+            self.told.append(text)
 
 
 @pytest.mark.parametrize('node', ['wall'], indirect=True)
@@ -45,3 +52,25 @@ def test_a_node_says_what_it_waits_for(node, peer):
     assert relay.missing() == '/effort_controller/commands has 0 of 1 subscribers'
     peer.listen(topics.COMMANDS)
     peer.until(lambda: not relay.missing())
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_stranger_is_told_again_when_its_name_becomes_known(node, peer, monkeypatch):
+    """ROS knows a publisher some time before it knows the name of its node."""
+    relay, _ = node(Relay, None)
+    for _ in range(2):
+        peer.publisher(topics.JOINT_STATES)
+    name = '/joint_states'
+    peer.until(lambda: relay.count_publishers(name) == 2)
+    heard_of = SimpleNamespace(node_namespace='/', node_name='_NODE_NAME_UNKNOWN_')
+    with monkeypatch.context() as patch:
+        patch.setattr(relay, 'get_publishers_info_by_topic', lambda _: [heard_of])
+        relay._on_stranger(topics.JOINT_STATES, several=False)
+        relay._publish_diagnostics()
+    (line,) = relay.told
+    assert line.endswith(f'{name} has 1 publisher: one that is not known yet')
+    known = f'{name} has 2 publishers: /peer, /peer'
+    peer.until(lambda: relay._publish_diagnostics() or relay.told[-1].endswith(known))
+    count = len(relay.told)
+    relay._publish_diagnostics()
+    assert len(relay.told) == count

@@ -103,7 +103,7 @@ def test_commands_of_a_stranger_are_told_by_name_in_lockstep_too(launch, peer):
 
     for node in ('plant', 'controller'):
         loop.nodes[node].until(lambda node=node: told(node))
-    assert 'messages of two publishers, all are used' in loop.nodes['plant'].stderr
+    peer.until(lambda: 'messages of two publishers, all' in loop.nodes['plant'].stderr)
     peer.until(lambda: 'another node publishes' in loop.alarms['controller'])
     answer = loop.call('controller/clear_fault')
     assert not answer.success and line in answer.message
@@ -117,6 +117,6 @@ def test_a_lockstep_that_stands_still_says_why_and_goes_on(launch, peer):
     assert loop.nodes['trajectory'].end(2) == 0
     peer.until(lambda: 'waits for its reference' in loop.alarms['controller'])
     peer.until(lambda: 'no command for' in loop.alarms['plant'])
-    assert 'no command for' in loop.nodes['plant'].stderr
+    peer.until(lambda: 'no command for' in loop.nodes['plant'].stderr)
     loop.nodes['trajectory'] = loop.start('trajectory')
     loop.moves()

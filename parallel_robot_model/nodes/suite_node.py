@@ -101,7 +101,8 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
         self._told_doubts: Set[str] = set()
-        self._told_strangers: dict[Topic, float] = {}  # s, time of the last message of one
+        self._heard_strangers: dict[Topic, float] = {}  # s, time of the last message of one
+        self._told_strangers: dict[Topic, str] = {}  # the publishers that were told
         given = parameters.overrides(self)
         self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
@@ -384,16 +385,24 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _on_stranger(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1
         now = time.monotonic()
-        if now - self._told_strangers.get(topic, -math.inf) > STRANGERS:
-            self.background.do(functools.partial(self._tell_strangers, topic))
-        self._told_strangers[topic] = now
+        if now - self._heard_strangers.get(topic, -math.inf) > STRANGERS:
+            self._told_strangers.pop(topic, None)
+            self.background.do(self._tell_strangers)
+        self._heard_strangers[topic] = now
         if several:
             self.leave_out(topic)
 
-    def _tell_strangers(self, topic: Topic) -> None:
+    def _tell_strangers(self) -> None:
+        """Tell who else publishes on topics of this node; again when more becomes known."""
         used = 'all are used' if self.lockstep else 'those of one are left out'
-        publishers = self._connections.publishers_of_input(topic)
-        self.doubt(f'messages of two publishers, {used}: {publishers}')
+        told, several = self._told_strangers, self._connections.several_publishers()
+        for topic, heard_at in [*self._heard_strangers.items()]:
+            if time.monotonic() - heard_at > STRANGERS:
+                continue
+            publishers = self._connections.publishers_of_input(topic)
+            if topic not in told or (topic.name in several and told[topic] != publishers):
+                self.doubt(f'messages of two publishers, {used}: {publishers}')
+                told[topic] = publishers
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
@@ -417,6 +426,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         for kind in doubts.keys() - self._told_doubts:
             self.doubt(doubts[kind])
         self._told_doubts = doubts.keys()
+        self._tell_strangers()
         several = self._connections.several_publishers()
         unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}
         warnings = [*doubts.values(), *unusual]
