@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.arrays import Array
@@ -181,7 +182,7 @@ class Run:
 def simulate(
     scenario: File,
     *,
-    law: str | None = None,
+    law: File | None = None,
     duration: float | None = None,
     hold: float | None = None,
     param_file: File | Iterable[File] | None = None,
@@ -198,7 +199,7 @@ def simulate(
 
     Args:
         scenario: Name of a scenario in ``config/scenarios``, or the path of a YAML file.
-        law: Control law; default: that of the scenario.
+        law: Control law, or its file, ``.py``, ``.so`` or ``.fmu``; default: that of the scenario.
         duration: Length of the run [s]; default: that of the scenario, else that of its motion,
             else 12.
         hold: Time for which the robot is held where its motion ended [s]; default: none.
@@ -211,9 +212,10 @@ def simulate(
         RunError: the robot left its workspace.
     """
     name = named('scenario', scenario)
-    given = {'law': law, 'duration': duration}
-    asked = {key: value for key, value in given.items() if value is not None}
-    changed = merged([changes(param_file, values), asked])
+    changed = changes(param_file, values)
+    of_law = {} if law is None else law_file.chosen(named('law', law), changed)
+    of_run = {} if duration is None else {'duration': duration}
+    changed = merged([changed, of_law, of_run])
     changed = with_duration(name, changed, hold)
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))

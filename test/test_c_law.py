@@ -38,9 +38,7 @@ def good(folder):
 
 
 def run_of(file, **values):
-    return simulate(
-        'paper_circle', law=file.stem, custom_laws=[str(file)], duration=SHORT, **values
-    )
+    return simulate('paper_circle', law=file, duration=SHORT, **values)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +56,7 @@ def run_of(file, **values):
 def test_the_example_has_the_bits_of_the_one_in_python(tmp_path, scenario, values):
     library = compiled(tmp_path / 'example_law.so', (DOCS / 'example_law.c').read_text())
     runs = [
-        simulate(scenario, law='example_law', custom_laws=[str(file)], duration=SHORT, **values)
+        simulate(scenario, law=file, duration=SHORT, **values)
         for file in (library, DOCS / 'example_law.py')
     ]
     np.testing.assert_array_equal(runs[0].command, runs[1].command)

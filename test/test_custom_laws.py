@@ -9,6 +9,7 @@ from assembly import prepare, simulated
 from custom_law import LAW, RETURN
 from rig import Rig
 
+import parallel_robot as pr
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import law_loader, law_titles, law_trial
@@ -69,6 +70,24 @@ def test_it_is_compared_and_simulated_like_the_others(mine, tmp_path, capsys, mo
         main(['simulate', 'paper_circle', *own, '--law', 'mine', '--out', str(tmp_path / 'bag')])
         == 0
     )
+
+
+def test_python_takes_it_by_its_file_wherever_a_law_is_named(mine, tmp_path):
+    short, study = {'duration': 0.1}, {'scenarios': ['paper_circle'], 'runs': 1, 'duration': 0.1}
+    run = pr.simulate('paper_circle', law=mine, **short)
+    assert run.law == 'mine'
+    pr.save(pr.simulate('paper_circle', law='pid', **short), tmp_path / 'pid')
+    torque = pr.replay(tmp_path / 'pid', law=mine).torque
+    np.testing.assert_array_equal(torque, run.command[: len(torque)])
+    swept = pr.sweep(study, tmp_path / 'sweep', laws=[mine, 'pid'], workers=1)
+    searched = pr.grid('paper_circle', mine, {'mine.Kp': [500.0, 600.0]}, **short)
+    bounds = {'Kp': (100.0, 900.0)}
+    tuned = pr.tune(
+        mine, 'paper_circle', tmp_path / 'tune', trials=2, workers=1, bounds=bounds, **short
+    )
+    assert swept.law.tolist() == ['mine', 'pid'] and {*searched.status} == {'ok'}
+    assert 100.0 <= tuned.values['mine.Kp'] <= 900.0
+    assert pr.simulate('paper_circle', law=mine, custom_laws=[mine], **short).law == 'mine'
 
 
 def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):

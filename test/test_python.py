@@ -155,7 +155,7 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
     [
         (lambda: simulate(3), 'scenario must be a name or a path, not 3'),
         (lambda: simulate('nowhere'), "unknown scenario 'nowhere'"),
-        (lambda: simulate('paper_circle', law=3), 'law must be text, not 3'),
+        (lambda: simulate('paper_circle', law=3), 'law must be a name or a path, not 3'),
         (lambda: simulate('paper_circle', law='smcc'), "did you mean 'smc'"),
         (lambda: simulate('paper_circle', duration='long'), 'duration must be a number'),
         (lambda: simulate('paper_circle', duration=0), 'duration must be positive'),

@@ -39,7 +39,7 @@ from parallel_robot.studies.sweep.store import RUNS
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.sweep import sweep as run_sweep
 from parallel_robot.studies.sweep.workers import Processes
-from parallel_robot_control import law_titles
+from parallel_robot_control import law_file, law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
@@ -49,7 +49,7 @@ from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
-from parallel_robot_sim.scenario_run import Run, simulate
+from parallel_robot_sim.scenario_run import Run, named, simulate
 
 RESOLUTION = 70  # dots per inch of a picture in a notebook
 
@@ -273,7 +273,7 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
 
 def grid(
     scenario: str | Path,
-    law: str,
+    law: str | Path,
     choices: Mapping[str, Iterable[Any]],
     *,
     duration: float | None = None,
@@ -289,7 +289,7 @@ def grid(
 
     Args:
         scenario: Name or file of a scenario.
-        law: Control law.
+        law: Control law, or its file.
         choices: Key of the configuration to the values that it takes.
         duration: Length of the motion [s], see ``simulate``.
         values: Other keys and their values in all runs.
@@ -359,7 +359,7 @@ def sweep(
     out: str | Path,
     *,
     runs: int | None = None,
-    laws: Sequence[str] | None = None,
+    laws: Sequence[str | Path] | None = None,
     workers: int | None = None,
     **values: Any,
 ) -> Frame:
@@ -374,7 +374,7 @@ def sweep(
         study: File of a study, name of one in ``config/studies``, or its keys and values.
         out: Directory of the results; new, or that of the same sweep, which is continued.
         runs: Runs of each law and scenario; default: the study's.
-        laws: In place of the study's; a name of one of these keeps its gains.
+        laws: In place of the study's, names or files; a name of one of these keeps its gains.
         workers: Processes; default: one for each core.
         values: Keys of the configuration and their values in all runs.
 
@@ -393,7 +393,10 @@ def sweep(
         text, name, folder = studies.read(file), str(file), file.parent
     else:
         raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
-    asked = studies.parse(text, name, folder, laws).changed(runs, values)
+    listed = None if laws is None else [named('law', law) for law in laws]
+    names = None if listed is None else [*map(law_file.name_of, listed)]
+    files = law_file.files_of(listed or (), values)
+    asked = studies.parse(text, name, folder, names).changed(runs, values | files)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = Path(out)

@@ -14,17 +14,19 @@ from parallel_robot.analysis.report import figures
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.python import arguments
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.placed import merged
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.scenario_run import changes
+from parallel_robot_sim.scenario_run import changes, named
 from parallel_robot_sim.simulation import RunSummary, parts
 
 
 def replay(
     bag: str | Path,
     *,
-    law: str | None = None,
+    law: str | Path | None = None,
     figure: str | Path | None = None,
     trust: bool = False,
     memory: int = MEMORY,
@@ -63,7 +65,9 @@ def replay(
     if path is not None:
         figures.check_new(path)
     options = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
-    changed = changes(param_file, values | ({} if law is None else {'law': law}))
+    changed = changes(param_file, values)
+    if law is not None:
+        changed = merged([changed, law_file.chosen(named('law', law), changed)])
     place = arguments.path('a bag', bag)
     view = arguments.view(options)
     with bag_replay.prepared(place, changed, trust, memory, False, view) as prepared:

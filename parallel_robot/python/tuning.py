@@ -15,7 +15,7 @@ from parallel_robot_sim.scenario_run import changes, named
 
 
 def tune(
-    law: str,
+    law: str | Path,
     scenario: str | Path,
     out: str | Path,
     *,
@@ -49,7 +49,7 @@ def tune(
     (12.0, 2)
 
     Args:
-        law: The law.
+        law: The law, or its file.
         scenario: Name or file of a scenario.
         out: Directory of the results; new, or that of the same tuning, which is continued.
         study: Name or file of a study, of which uncertainty, samples, duration and values are

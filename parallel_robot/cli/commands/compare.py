@@ -21,11 +21,11 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.bags import new_files
 from parallel_robot.bags.progress import tracked
-from parallel_robot.cli import law_file
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.window import add_window_arguments
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
 from parallel_robot_model.common.tables import Part, Table

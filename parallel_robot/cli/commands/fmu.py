@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import new_files
-from parallel_robot.cli import law_file
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.fmu.contents import (
     Contents,
@@ -18,6 +17,7 @@ from parallel_robot.fmu.contents import (
 )
 from parallel_robot.fmu.ros2_package import ros2_package
 from parallel_robot.fmu.unit import identifier, unit
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import locating, merged

@@ -12,13 +12,13 @@ from typing import Any
 from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.bags.printable_output import as_it_is
-from parallel_robot.cli import law_file
 from parallel_robot.cli.commands.simulate import (
     add_law_argument,
     add_scenario_argument,
     add_set_argument,
     given_layers,
 )
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import load
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError

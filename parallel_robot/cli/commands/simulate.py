@@ -15,8 +15,9 @@ from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.simulated_figures import SimulatedFigures
 from parallel_robot.bags import new_files, simulation_bag
 from parallel_robot.bags.history import remark_lines
-from parallel_robot.cli import invocation, law_file
+from parallel_robot.cli import invocation
 from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell
+from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.messages import limits_text

@@ -17,7 +17,7 @@ from parallel_robot.studies.tuning.tuned import tune
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument('law', help='control law')
+    parser.add_argument('law', metavar='LAW|FILE', help='control law, or its file in Python')
     simulate.add_scenario_argument(parser)
     parser.add_argument(
         '--out',

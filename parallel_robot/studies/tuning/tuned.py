@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,12 @@ from parallel_robot.studies.tuning.sampler import library
 from parallel_robot.studies.tuning.space import at_ends, doubts, unit_of
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
+from parallel_robot_control import law_file
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.configuration.placed import merged
 
 REASONS = 3  # most frequent reasons of infeasible trials to report
 
@@ -108,7 +110,7 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
     """Tune a law, or what is left of it.
 
     Args:
-        asked: The options.
+        asked: The options; its law may be a file.
         fixed: Keys of the configuration and their values in all runs.
         out: Directory of the results; new, or that of the same tuning, which is continued.
 
@@ -118,7 +120,8 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
             trials are kept.
     """
     library()
-    tuning = asked.tuning(fixed)
+    files = law_file.files_of([asked.law], fixed)
+    tuning = replace(asked, law=law_file.name_of(asked.law)).tuning(merged([fixed, files]))
     rule = asked.rule(tuning)
     count, workers = asked.count(rule), Processes(asked.processes())
     fields = unit_of(tuning.law)
@@ -130,11 +133,11 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
             raise RunError(f'all {len(found)} trials are infeasible, most of them: {reason}')
         chosen, why = choose(points, found[0], tuning.weights, asked.pick, tuning.effort)
         result = Result(found, points, chosen, why, tuning.judge(found, rule))
-        files = {path.name: path for path in output.write(tuning, store, fields, result)}
+        written = {path.name: path for path in output.write(tuning, store, fields, result)}
     joints = len(tuning.nominal['joints'])
     doubted = doubts(tuning.space, tuning.law, chosen.gains, joints)
     warnings = (*doubted, *at_ends(tuning.space, chosen.gains, fields))
-    return Tuned(tuning, result, warnings, files)
+    return Tuned(tuning, result, warnings, written)
 
 
 def _short(value: Any) -> str:

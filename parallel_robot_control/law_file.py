@@ -1,4 +1,4 @@
-"""Laws that a command line names by their files: Python, a C function, an FMU."""
+"""Laws that are named by their files: Python, a C function, an FMU."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from parallel_robot_control import law_loader
 from parallel_robot_model.configuration import modules
+from parallel_robot_model.configuration.fields import plain
 
 KEY = 'custom_laws'
 
@@ -27,14 +28,16 @@ def files_of(laws: Iterable[str], values: Mapping[str, Any]) -> dict[str, Any]:
 
     Args:
         laws: Laws by names or as files.
-        values: What ``--set`` says.
+        values: What is changed in the configuration.
 
     Raises:
         InputError: it is of no list of files.
     """
-    given = modules.absolute(KEY, values.get(KEY, []))
-    files = modules.absolute(KEY, [law for law in laws if is_file(law)])
-    return {KEY: [*dict.fromkeys((*given, *files))]} if files else {}
+    files = [law for law in laws if is_file(law)]
+    if not files:
+        return {}
+    given = modules.absolute(KEY, plain(values.get(KEY, [])))
+    return {KEY: [*dict.fromkeys((*given, *modules.absolute(KEY, files)))]}
 
 
 def chosen(law: str, values: Mapping[str, Any]) -> dict[str, Any]:
