@@ -765,8 +765,8 @@ def sparse(good, directory):
     put(good, directory, data=by_hand(described(), chunk(content(good)), indexed=False)[:-50])
     with (directory / 'bag_0.mcap').open('r+b') as file:
         file.seek(0, 2)
-        file.write(struct.pack('<BQ', 9, 2 * 10**9))
-        file.truncate(2 * 10**9 + file.tell())
+        file.write(struct.pack('<BQ', 9, 5 * 10**8))
+        file.truncate(5 * 10**8 + file.tell())
 
 
 DIRECTORIES = {

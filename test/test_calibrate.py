@@ -1,7 +1,6 @@
 """The command ``calibrate``, and its function for Python."""
 
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,7 +26,6 @@ TRUE = {  # all of it: what is not said follows the robot that is believed in
 }
 NOISE = np.array([1e-5, 1e-5, 5e-5])
 POSES = 12
-EXAMPLE = Path(__file__).parents[1] / 'docs' / 'example_robot.py'
 
 
 def run(*words):
@@ -195,14 +193,11 @@ def recorded(case, folder, kind, topic, frame='world', lost=()):
 
 
 @pytest.mark.parametrize('kind', [*KINDS])
-def test_poses_in_the_bag_are_those_of_the_file(case, whole, tmp_path, kind):
+def test_poses_in_the_bag_are_those_of_the_file(case, tmp_path, kind):
     bag = recorded(case, tmp_path / 'bag', kind, 'tracker/pose_of_target')
     found = pose_topics.read(bag)
     np.testing.assert_allclose(found.place[:, :2], case.table[:, 1:3], atol=1e-9)
     np.testing.assert_allclose(found.phi, case.table[:, 3], atol=1e-9)
-    calibrated = pr.calibrate(bag)
-    for key, value in whole.values.items():
-        np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)
 
 
 def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path):
@@ -218,8 +213,11 @@ def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path
         pr.calibrate(tmp_path / 'broken')
 
 
-def test_one_topic_of_poses_is_chosen(case, tmp_path, capsys):
+def test_one_topic_of_poses_is_chosen(case, whole, tmp_path, capsys):
     bag = recorded(case, tmp_path / 'bag', 'geometry_msgs/msg/PoseStamped', 'tracker')
+    calibrated = pr.calibrate(bag)
+    for key, value in whole.values.items():
+        np.testing.assert_allclose(calibrated.values[key], value, atol=2e-6, err_msg=key)
     assert run('calibrate', bag, '--pose-topic', '/tracker') == 0
     capsys.readouterr()
     assert run('calibrate', bag, '--pose-topic', 'traker') == 2
@@ -268,26 +266,6 @@ def test_what_is_wrong_costs_one_line(case, tmp_path, capsys, words, message):
     error = capsys.readouterr().err
     assert message in error and error.count('\n') == 1, error
     assert sorted(tmp_path.iterdir()) == before
-
-
-def test_a_custom_robot_is_calibrated_by_its_file(tmp_path, capsys):
-    """The table of the documentation, whose pulleys are larger than it believes."""
-    mine = {'robot_model': 'example_robot', 'custom_robots': [str(EXAMPLE)]}
-    mine |= {'plant.initial_pose': [0.241, 0.2], 'circle.center': [0.2, 0.2]}
-    true = {'true_robot.radius': 0.0201, 'sensor.zero_angle': [0.01, -0.02]}
-    made = pr.simulate('paper_circle', duration=6, **mine, **true)
-    assert made.fault is None
-    bag = tmp_path / 'bag'
-    pr.save(made, bag)
-    rows = np.arange(1000, 6000, 40)
-    pose = made.pose[rows] + 1e-5 * np.random.default_rng(0).normal(size=(len(rows), 2))
-    poses = tracker(tmp_path / 'poses.csv', 't,x,y', np.column_stack([made.time[rows], pose]))
-    found = pr.calibrate(bag, poses=poses, custom_robots=[EXAMPLE])
-    assert found.values['robot.radius'] == pytest.approx(0.0201, abs=2.5e-6)
-    np.testing.assert_allclose(found.values['estimator.zero_angle'], [0.01, -0.02], atol=1e-3)
-    capsys.readouterr()
-    assert run('calibrate', bag, '--poses', poses) == 2
-    assert 'example_robot is not known' in capsys.readouterr().err
 
 
 def test_python_refuses_what_the_command_refuses(case):

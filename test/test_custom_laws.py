@@ -234,16 +234,33 @@ def test_a_wrong_file_costs_one_line(name, write, capsys):
 DEADLY = 'import os; os.environ.get("NUMBA_BOUNDSCHECK") and os.abort()'
 UNFIT = {
     'beyond': (('Kd * e_dot', 'Kd * e_dot + e[7]'), 'IndexError: index is out of bounds'),
-    'cut': ((RETURN, RETURN.replace('torque', 'torque[:2]')), 'torque of shape (2,), not (3,)'),
-    'shrinking': (('Memory(memory.integral + dt * e)', 'Memory(memory.integral[:1])'),
-                  'memory.integral of shape (1,), not (3,)'),
-    'far': (('    torque =', '    if e[0] > 8.0:\n        raise ValueError("far")\n    torque ='),
-            'ValueError: far (line 28), in the trial with made-up states, here errors up to'),
-    'endless': (('    torque =', '    while dt < 1:\n        dt -= 1\n    torque ='),
-                'update does not return within 1 s of processor time'),
     'deadly': (('(joints):', f'(joints):\n    {DEADLY}'),
                'initial_memory ends the process with SIGABRT'),
 }  # fmt: skip
+FAULTY = {  # what update does after all else, and what is said of it
+    'cut': ('torque = torque[:2]', 'torque of shape (2,), not (3,)'),
+    'shrinking': ('integral = integral[:1]', 'memory.integral of shape (1,), not (3,)'),
+    'far': ('if e[0] > 8.0: raise ValueError("far")',
+            'ValueError: far (line 35), in the trial with made-up states, here errors up to'),
+    'endless': ('while dt < 1: dt -= 1', 'update does not return within 1 s of processor time'),
+}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def faulty(tmp_path_factory):
+    """A law with all of these faults, each for a value of a gain; compiled once."""
+    faults = [
+        f'if gains.fault == {number}.0:\n        {line}'
+        for number, (line, _) in enumerate(FAULTY.values(), start=1)
+    ]
+    integral = 'memory.integral + dt * e'
+    lines = [f'integral = {integral}', *faults, 'return ']
+    text = LAW.replace('return ControlOutput', '\n    '.join(lines) + 'ControlOutput')
+    text = text.replace(f'Memory({integral})', 'Memory(integral)')
+    gain = "    fault: Annotated[float, Field('', 'which', 0.0)] = 0.0\n"
+    path = tmp_path_factory.mktemp('faulty') / 'faulty.py'
+    path.write_text(text.replace(' = 90.0\n', f' = 90.0\n{gain}'))
+    return path
 
 
 def test_time_in_which_it_has_no_processor_does_not_count(write):
@@ -258,6 +275,13 @@ def test_what_a_law_does_wrong_is_found_before_it_acts(name, write):
     replaced, reason = UNFIT[name]
     with pytest.raises(InputError, match=f'^{name}: .*{re.escape(reason)}'):
         prepare(name, values_of(write(name, replaced)))
+
+
+@pytest.mark.parametrize('name', FAULTY)
+def test_what_a_law_does_wrong_with_its_gains_is_found_before_it_acts(name, faulty):
+    gains = {'faulty.fault': 1.0 + [*FAULTY].index(name)}
+    with pytest.raises(InputError, match=f'^faulty: .*{re.escape(FAULTY[name][1])}'):
+        prepare('faulty', values_of(faulty, **gains))
 
 
 def test_the_trial_takes_no_code_of_the_ordinary_cache(write, monkeypatch, tmp_path):

@@ -12,7 +12,7 @@ from test_rerun import by_hand
 from untried import detach, forget
 from vectors import OnVectors
 
-from parallel_robot import simulate
+from parallel_robot import calibrate, save, simulate
 from parallel_robot.analysis.readable_metrics import as_data
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import recording
@@ -152,137 +152,6 @@ def test_what_does_not_suit_it_costs_one_line(words, reason, tmp_path, capsys):
     out, err = capsys.readouterr()
     assert code == 2 and out == '' and err.count('\n') == 1 and reason in err
     assert not (tmp_path / 'bag').exists()
-
-
-@pytest.mark.parametrize(
-    ('change', 'reason'),
-    [
-        (('class Parameters(NamedTuple)', 'class Parameters'), 'Parameters is not a NamedTuple'),
-        (('DEFAULTS = {', 'DEFAULTS = 5\nOTHERS = {'), 'DEFAULTS must be a dictionary, not 5'),
-        (('    return 2\n', '    return 1 // 0\n'), 'wrong: ZeroDivisionError'),
-        (('return pose / robot.radius', 'return pose / robot.radios'), 'wrong: AttributeError'),
-        (
-            ('    pose = robot.radius', '    pose = robot.radios'),
-            "wrong: estimate does not compile: Unknown attribute 'radios'",
-        ),
-        (
-            ('return Estimate(select(every(inside), FOUND, 1), pose, model)', 'return pose'),
-            'must return Estimate',
-        ),
-        (
-            ('@kernel\ndef measure', 'def measure'),
-            'wrong: measure is not compiled: put @kernel before it',
-        ),
-        (
-            ('    none = vector(())  # no', '    none = np.empty(0)  # no'),
-            'wrong: joint_motion returns passive as an array, not as a vector (docs/robots.md',
-        ),
-        (
-            ('return vector((tool +', 'return np.array((tool +'),
-            'wrong: estimate returns M as an array, not as a vector (docs/robots.md',
-        ),
-        (
-            ('pose = robot.radius * position', 'pose = np.array([0.02, 0.02]) * position'),
-            'mul(array(float64, 1d, C), Vector(2, float64)) (wrong.py:',
-        ),
-        (
-            ('select(every(inside), FOUND, 1), pose', 'FOUND, vector((1.0, 2.0, 3.0))'),
-            'wrong: estimate returns pose of shape (3,), not of size 2 (docs/robots.md',
-        ),
-        (
-            ('return net_torque(load, torque, velocity, time) /', 'return 0.0 * time  #'),
-            'wrong: acceleration must return a vector',
-        ),
-        (
-            (
-                'def joints(robot)',
-                'def constants(robot):\n    return 1 // 0\n\n\ndef joints(robot)',
-            ),
-            'wrong: ZeroDivisionError',
-        ),
-        (('def locate', 'def find'), 'has no locate'),
-        (('import numpy as np', 'import numpy as np\nraise ValueError("no")'), 'ValueError: no'),
-        (
-            ('NamedTuple):\n    width', 'NamedTuple):\n    height: float\n    width'),
-            'needs Annotated',
-        ),
-    ],
-)
-def test_a_wrong_file_costs_one_line(change, reason, tmp_path, capsys):
-    file = tmp_path / 'wrong.py'
-    file.write_text(EXAMPLE.read_text().replace(*change))
-    words = ['--set', f'custom_robots=[{file}]', '--set', 'robot_model=wrong', *POSE]
-    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 2
-    err = capsys.readouterr().err
-    assert err.count('\n') == 1 and reason in err
-
-
-TRANSPOSED = '    M = vector((vector((1.0, 0.5)), vector((0.0, 1.0))))'
-CONTRADICTIONS = {  # what is replaced, and the function that is named, with its figure
-    'pose_off': (
-        ('none, none, robot.radius', 'none, none, 1.01 * robot.radius'),
-        'measure: pose, from that given to start: differs by 0.0023 of 0.23',
-    ),
-    'sign': (
-        ('motion.pose / r, motion.rate / r', 'motion.pose / r, -motion.rate / r'),
-        'joint_motion: velocity, from differences of position: differs by 50 of 25',
-    ),
-    'branch': (
-        ('JointMotion(motion.pose / r', 'JointMotion(3.0 - motion.pose / r'),
-        'joint_motion: position, from that of measure: differs by 20 of 12',
-    ),
-    'nowhere': (
-        ('Location(robot.radius * position, FOUND)', 'Location(robot.radius * position, 1)'),
-        'locate: pose, from that whose joints it is given: not found or not finite',
-    ),
-    'no_number': (
-        ('return net_torque(', 'return np.sqrt(time - 1.0) * net_torque('),
-        'acceleration: result: not found or not finite',
-    ),
-}
-
-
-@pytest.mark.parametrize('name', CONTRADICTIONS)
-def test_a_robot_that_contradicts_itself_is_refused(name, tmp_path, capsys):
-    change, reason = CONTRADICTIONS[name]
-    file = tmp_path / f'{name}.py'
-    file.write_text(EXAMPLE.read_text().replace(*change))
-    words = ['--set', f'custom_robots=[{file}]', '--set', f'robot_model={name}', *POSE]
-    assert main(['simulate', 'paper_circle', *words, '--out', str(tmp_path / 'bag')]) == 2
-    out, err = capsys.readouterr()
-    assert out == '' and err.count('\n') == 1 and f'{name}: {reason}' in err
-    assert not (tmp_path / 'bag').exists()
-
-
-@pytest.mark.parametrize(
-    ('change', 'wrong'),
-    [
-        (None, []),
-        (('np.diag(_inertia(robot))', 'np.diag(0.999 * _inertia(robot))'), ['M thdd']),
-        (
-            ('np.diag(_inertia(robot))', '-np.diag(_inertia(robot))'),
-            ['positive definite', 'M thd'],
-        ),
-        (('np.zeros_like(M)', '0.1 * M'), ['Mdot - 2 Q', 'M thdd']),
-        (
-            ('    M = np.diag(_inertia(robot))', TRANSPOSED),
-            ['from its transpose', 'M thdd'],
-        ),
-        (('select(every(inside), FOUND, 1)', '1'), ['within reach and margins']),
-    ],
-)
-def test_verify_names_each_check_that_fails(change, wrong, tmp_path, capsys):
-    file = EXAMPLE
-    if change:
-        file = tmp_path / 'checked.py'
-        file.write_text(EXAMPLE.read_text().replace(*change))
-    words = ['--set', f'custom_robots=[{file}]', '--set', f'robot_model={file.stem}']
-    assert main(['verify', *words]) == (1 if wrong else 0)
-    lines = capsys.readouterr().out.splitlines()[2:]
-    failed = [line for line in lines if not line.endswith('  agrees')]
-    assert len(lines) > 8 and len(failed) == len(wrong)
-    for line, what in zip(failed, wrong, strict=True):
-        assert what in line and line.endswith('  wrong')
 
 
 @pytest.mark.parametrize('name', ['planar_3rrr', 'serial_2r', 'axes'])
@@ -430,3 +299,24 @@ def test_a_file_that_a_controller_named_is_not_loaded(gone, tmp_path, monkeypatc
         assert main([command, str(tmp_path / 'hand'), '--trust']) == 2
         assert 'does not hold the robot example_robot' in capsys.readouterr().err
     assert not Path('ran').exists()
+
+
+def test_a_custom_robot_is_calibrated_by_its_file(tmp_path, capsys):
+    """The table of the documentation, whose pulleys are larger than it believes."""
+    mine = CHANGES | {'plant.initial_pose': [0.241, 0.2], 'circle.center': [0.2, 0.2]}
+    true = {'true_robot.radius': 0.0201, 'sensor.zero_angle': [0.01, -0.02]}
+    made = simulate('paper_circle', **mine | true | {'duration': 6})
+    assert made.fault is None
+    bag = tmp_path / 'bag'
+    save(made, bag)
+    rows = np.arange(1000, 6000, 40)
+    pose = made.pose[rows] + 1e-5 * np.random.default_rng(0).normal(size=(len(rows), 2))
+    poses = tmp_path / 'poses.csv'
+    table = np.column_stack([made.time[rows], pose])
+    np.savetxt(poses, table, '%.9f', ',', header='t,x,y', comments='')
+    found = calibrate(bag, poses=poses, custom_robots=[EXAMPLE])
+    assert found.values['robot.radius'] == pytest.approx(0.0201, abs=2.5e-6)
+    np.testing.assert_allclose(found.values['estimator.zero_angle'], [0.01, -0.02], atol=1e-3)
+    capsys.readouterr()
+    assert main(['calibrate', str(bag), '--poses', str(poses)]) == 2
+    assert 'example_robot is not known' in capsys.readouterr().err

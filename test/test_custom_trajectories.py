@@ -82,18 +82,6 @@ WRONG = {
     'unknown': ([('parameters.size', 'parameters.sise')], "Unknown attribute 'sise'"),
     'tuple_alone': ([('return PoseMotion(', 'return (')], 'motion must return PoseMotion(pose, '),
     'whole': ([('* sine, a', '* sine, np.arange(3)'), (RATE[1:], '')], 'three float arrays'),
-    'speed': (
-        [(RATE, RATE + ' * 1.01')],
-        'speed: rate[',
-    ),
-    'sign': ([('- w * sine', '+ w * sine')], 'sign: acceleration['),
-    'jump': ([('+ a * sine', '+ a * sine + (t > 5.0)')], 'jump: pose[0] jumps by 0.99'),
-    'step': ([('+ a * sine', '+ a * sine + 2e-3 * (t > 5.003)')], 'step: pose[0] jumps by 0.00'),
-    'spike': ([('+ a * sine', '+ a * sine + 3e-3 * (abs(t - 5.0) < 2.2e-3)')], 'pose[0] jumps by'),
-    'goes_on': ([('quintic(parameters.duration, t)', '1e-3 * t, 1e-3, 0.0')],
-           'goes_on: pose[0] at t = 12.'),
-    'not_finite': ([('sine, cosine =', 'a = a / (t > 6.0)\n    sine, cosine =')], 's is ['),
-    'sizes': ([(f'{RATE}, acc', f'({RATE})[:2], acc')], 'sizes: rate at t = 0.0169706 s must'),
     'outside': (
         [('sine, cosine =', 'a[0] = w[7]\n    sine, cosine =')],
         'outside: motion: IndexError: index is out of bounds',
@@ -107,7 +95,6 @@ WRONG = {
     'forever': ([('    return parameters.duration', '    return np.inf')], 'span must be a time'),
     'four': ([('1.0)', '1.0, 1.0)'), ('* np.pi)', '* np.pi, 1.0)'), ('0.1)', '0.1, 0.1)')],
              'four has 4 coordinates; the pose of planar_3rrr has 3: x, y, phi'),
-    'far': ([('(0.03, ', '(0.9, ')], 'motion refused at t = '),
 }  # fmt: skip
 
 
@@ -121,6 +108,49 @@ def test_a_wrong_one_costs_one_line(name, write, capsys):
     out, err = capsys.readouterr()
     assert out == '' and err.count('\n') == 1 and len(err) < 400
     assert reason in err and not Path('bag').exists()
+
+
+FAULTY = {  # what a motion computes after all else, and what is said of it
+    'speed': ('rate = 1.01 * rate', 'faulty: rate['),
+    'sign': ('acceleration = a * w * (cosine * s_ddot + w * sine * s_dot**2)',
+             'faulty: acceleration['),
+    'jump': ('pose = pose + (t > 5.0)', 'faulty: pose[0] jumps by 0.99'),
+    'step': ('pose = pose + 2e-3 * (t > 5.003)', 'faulty: pose[0] jumps by 0.00'),
+    'spike': ('pose = pose + 3e-3 * (abs(t - 5.0) < 2.2e-3)', 'faulty: pose[0] jumps by'),
+    'goes on': ('pose[0], rate[0] = pose[0] + 0.1 * t, rate[0] + 0.1',
+                'faulty: pose[0] at t = 12.'),
+    'not finite': ('pose = pose / (t > 6.0)', 's is ['),
+    'sizes': ('rate = rate[:2]', 'faulty: rate at t = 0.0169706 s must'),
+    'far': ('pose = pose + 0.5', 'motion refused at t = '),
+}  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def faulty(tmp_path_factory):
+    """A file with all of these faults, each for a value of a parameter; compiled once."""
+    text = EXAMPLE.read_text().replace(
+        '\n\n\n@', "\n    fault: Annotated[int, Field('', 'which', 0)] = 0\n\n\n@"
+    )
+    head, values = text.split('    return PoseMotion(')
+    computed, after = values.split(')\n\n\n')
+    lines = [f'{head}    pose, rate, acceleration = {computed}']
+    for number, (line, _) in enumerate(FAULTY.values(), start=1):
+        lines += [f'    if parameters.fault == {number}:', f'        {line}']
+    lines += ['    return PoseMotion(pose, rate, acceleration)', '', '', after]
+    path = tmp_path_factory.mktemp('faulty') / 'faulty.py'
+    path.write_text('\n'.join(lines))
+    return path
+
+
+@pytest.mark.parametrize('name', FAULTY)
+def test_wrong_values_cost_one_line(name, faulty, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    words = ['--set', f'custom_trajectories=[{faulty}]', '--set', 'trajectory.shape=faulty']
+    words += ['--set', f'faulty.fault={1 + [*FAULTY].index(name)}', '--duration', '1']
+    assert main(['simulate', 'paper_circle', *words, '--out', 'bag']) == 2
+    out, err = capsys.readouterr()
+    assert out == '' and err.count('\n') == 1 and len(err) < 400
+    assert FAULTY[name][1] in err and not Path('bag').exists()
 
 
 def test_names_are_told_apart(write, capsys):

@@ -251,10 +251,17 @@ def test_a_signal_while_a_simulation_is_written(name, launch, tmp_path):
     assert (tmp_path / 'bag' / 'metadata.yaml').is_file()
 
 
+@pytest.fixture(scope='module')
+def simulated(tmp_path_factory):
+    """A bag of the whole circle."""
+    bag = tmp_path_factory.mktemp('simulated') / 'bag'
+    assert main(['simulate', 'paper_circle', '--out', str(bag)]) == 0
+    return bag
+
+
 @pytest.mark.parametrize('name', ENDS)
-def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, launch, tmp_path):
-    assert launch(COMMAND_LINE, 'simulate', 'paper_circle', '--out', 'bag').wait() == 0
-    process = launch('parallel_robot.__main__', 'report', 'bag', '--out', 'report')
+def test_a_signal_while_a_report_is_drawn_leaves_nothing_of_it(name, simulated, launch, tmp_path):
+    process = launch('parallel_robot.__main__', 'report', str(simulated), '--out', 'report')
     process.until(lambda: [*tmp_path.glob('.report.*/report')])
     assert process.end(getattr(signal, name)) == ENDS[name]
     assert process.stderr == ''

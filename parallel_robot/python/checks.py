@@ -91,7 +91,8 @@ def fronts(directories: Iterable[str | Path], out: str | Path) -> Path:
     """Draw the fronts of several tunings in one picture, as ``parallel_robot fronts`` does.
 
     >>> import parallel_robot as pr
-    >>> tuned = pr.tune('smc', 'paper_circle', 'runs/fronts', trials=40, bounds={'z': (10, 50)})
+    >>> chosen = {'trials': 16, 'duration': 1, 'bounds': {'z': (10, 50)}}
+    >>> tuned = pr.tune('smc', 'paper_circle', 'runs/fronts', **chosen)
     >>> pr.fronts(['runs/fronts'], 'runs/fronts.png').name
     'fronts.png'
 
