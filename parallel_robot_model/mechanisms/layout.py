@@ -17,6 +17,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     Mechanism,
 )
 
+NO_COORDINATE = -1  # in place of a coordinate: an axis along none
 HELD = -1  # in place of a column: a joint that is neither actuated nor passive
 GRID = 2.0**-24  # rad; of slides: times the power of two nearest to the length
 
@@ -35,6 +36,11 @@ class Layout(NamedTuple):
         group: First closure of each group that shares its points, then r, shape (groups + 1,).
         normal: Direction of each closure in units that make its error a number, shape (r, 3).
         unit: What makes the error of a coupling a number, shape (r,).
+        along: Which coordinate axis of its frame a joint has as its axis, 0 to 2, or
+            NO_COORDINATE, shape (N,).
+        parallel: Whether its frame has the directions of that before at position zero, shape
+            (N,).
+        concentric: Whether its frame has the origin of that before, shape (N,).
         carries: Whether a joint moves the tool, shape (N,).
         rotations: Number of rotation coordinates of the pose.
         turns: The only one, 3 to 5, or 0.
@@ -48,6 +54,9 @@ class Layout(NamedTuple):
     group: Index
     normal: Array
     unit: Array
+    along: Index
+    parallel: Index
+    concentric: Index
     carries: Index
     rotations: int
     turns: int
@@ -75,10 +84,19 @@ def layout(mechanism: Mechanism) -> Layout:
         np.array([k for k in range(len(m.closure) + 1) if not _same_points(m, k)]),
         m.direction * unit[:, np.newaxis],
         unit,
+        _along(m.axis),
+        (m.rotation == np.eye(3)).all(axis=(1, 2)).astype(np.int64),
+        (m.origin == 0.0).all(axis=1).astype(np.int64),
         _before(m, m.tool),
         len(rotations),
         int(rotations[0]) if len(rotations) == 1 else 0,
     )
+
+
+def _along(axis: Array) -> Index:
+    """Which coordinate axis a joint has, 0 to 2, or NO_COORDINATE, shape (N,)."""
+    found = (np.count_nonzero(axis, axis=1) == 1) & (axis.max(axis=1) == 1.0)
+    return np.where(found, axis.argmax(axis=1), NO_COORDINATE)
 
 
 def _before(m: Mechanism, joint: int) -> Index:

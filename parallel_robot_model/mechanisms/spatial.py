@@ -63,11 +63,10 @@ def velocity(angular: Triple, linear: Triple, point: Triple) -> Triple:
 @inner
 def turned(rotation: Array, i: int, x: Triple) -> Triple:
     """A vector of frame i in the world."""
-    R = rotation[i]
     return (
-        R[0, 0] * x[0] + R[0, 1] * x[1] + R[0, 2] * x[2],
-        R[1, 0] * x[0] + R[1, 1] * x[1] + R[1, 2] * x[2],
-        R[2, 0] * x[0] + R[2, 1] * x[1] + R[2, 2] * x[2],
+        rotation[i, 0, 0] * x[0] + rotation[i, 0, 1] * x[1] + rotation[i, 0, 2] * x[2],
+        rotation[i, 1, 0] * x[0] + rotation[i, 1, 1] * x[1] + rotation[i, 1, 2] * x[2],
+        rotation[i, 2, 0] * x[0] + rotation[i, 2, 1] * x[1] + rotation[i, 2, 2] * x[2],
     )
 
 
