@@ -9,8 +9,9 @@ import yaml
 from bags import STORE, content, write_foreign
 
 import parallel_robot as pr
-from parallel_robot.bags import pose_topics
+from parallel_robot.bags import indexed_reader, pose_topics, recorded_robot
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies.calibration import bag_calibration, near_states
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
@@ -126,6 +127,26 @@ def test_the_bag_of_another_recorder_takes_its_topic_its_joints_and_a_part(case,
     other = pr.calibrate(tmp_path / 'bag', poses=case.poses, topic=topic, **part)
     assert own.values['robot.l1'] == pytest.approx(other.values['robot.l1'], abs=1e-7)
     assert len(own.found.left) < len(whole.found.left)
+
+
+def test_of_a_long_bag_the_states_near_the_poses_suffice(case, tmp_path, monkeypatch):
+    """All poses together have as many states as may be kept; the others are never looked at."""
+    file, table = tmp_path / 'poses.csv', case.table[::5]
+    tracker(file, 't,x,y,phi', table)
+    all_of_them = pr.calibrate(case.bag, poses=file)
+    kept = 50 * len(table)
+    monkeypatch.setattr(near_states, 'KEPT', kept)
+    monkeypatch.setattr(bag_calibration, 'KEPT', kept)
+    monkeypatch.setattr(recorded_robot, 'SECONDS', 1.3)
+    monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    found = pr.calibrate(case.bag, poses=file)
+    assert len(found.model.track.time) <= kept + len(table) < len(all_of_them.model.track.time)
+    assert found.warnings == all_of_them.warnings
+    for one, other in zip(found.values.values(), all_of_them.values.values(), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
+    late = tracker(tmp_path / 'late.csv', 't,x,y,phi', np.add(table, [0.04, 0, 0, 0]))
+    [doubt, *_] = pr.calibrate(case.bag, poses=late).warnings
+    assert 'the clock of the tracker is off by more than 0.0' in doubt
 
 
 def start_of(case):

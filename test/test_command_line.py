@@ -325,8 +325,6 @@ def test_a_full_disk_ends_a_simulation_in_one_line(tmp_path, capsys):
         ('tune smc x --out y --trials many', "--trials: a whole number is wanted, not 'many'"),
         ('tune smc x --out y --chattering low', "--chattering: a number is wanted, not 'low'"),
         ('identify x --cutoff 5Hz', "--cutoff: a number is wanted, not '5Hz'; did you mean 5?"),
-        ('identify x --max-memory 4GB', "--max-memory: a number is wanted, not '4GB'; did "
-         'you mean 4?'),
         ('run x --out y --time-mode lokstep', "--time-mode: unknown value 'lokstep'; did you mean "
          "'lockstep'? (known: lockstep, wall)"),
         ('show x --format jsno', "--format: unknown value 'jsno'; did you mean 'json'?"),

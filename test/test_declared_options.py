@@ -4,11 +4,8 @@ Each command is tried in each of its modes, as far as options differ between the
 replaced, so that an option whose value nobody reads comes to light at once.
 """
 
-import argparse
-
 import pytest
 
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.command_line import COMMANDS, main, module_of
 from parallel_robot.cli.commands import simulate, sweep
 from parallel_robot_model.common.options import Parser
@@ -145,13 +142,10 @@ def declared(command):
 
 
 def cases():
-    memory = argparse.ArgumentParser()
-    add_memory_argument(memory)
-    checked = {action.dest for action in memory._actions}  # by the parser
     for command in sorted(set(COMMANDS) - {'node'}):  # a node has the options of ROS
         for mode in MODES[command]:
             for action in declared(command):
-                if action.dest not in checked and action.option_strings[-1] not in mode:
+                if action.option_strings[-1] not in mode:
                     name = f'{command} {" ".join(mode)} {action.option_strings[-1]}'
                     yield pytest.param(command, mode, action, id=name)
 

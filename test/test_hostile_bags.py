@@ -221,18 +221,13 @@ def test_escape_sequences_stay_off_the_terminal(make, capsys, tmp_path):
     assert (out + err).replace('\n', '').isprintable()
 
 
-def test_memory_is_asked_for(good, tmp_path, capsys):
+def test_a_bag_takes_so_much_memory(good, tmp_path):
     more = [message for message in good.messages if message[0] == 'reference'] * 800
     data = hostile_bags.bag(good, messages=[*good.messages, *more])
     hostile_bags.put(good, tmp_path / 'bag', data=data)
-    words = ['identify', str(tmp_path / 'bag'), '--rest', '--max-memory']
-    assert main([*words, '0.01']) == 2
-    assert 'takes more than 0.01 GB of memory; --max-memory allows more' in capsys.readouterr().err
-    assert main([*words, '0.1']) == 2 and 'no phase of rest' in capsys.readouterr().err
-    for wrong in ('0', '-1', 'nan', 'x', 'inf'):
-        assert main([*words, wrong]) == 2
-        error = capsys.readouterr().err
-        assert '--max-memory: ' in error and error.count('\n') == 1
+    with pytest.raises(BagError, match=r'takes more than 0.01 GB of memory$'):
+        recording.read(tmp_path / 'bag', memory=round(0.01 * (1 << 30)))
+    assert len(recording.read(tmp_path / 'bag', memory=round(0.1 * (1 << 30))).log.stamps)
 
 
 def test_a_rerun_is_not_far_longer_than_the_run(good, tmp_path, capsys):
@@ -252,5 +247,5 @@ def test_what_is_paid_for():
     with pytest.raises(BagError, match='far more records'):
         allowance.walk(1)
     allowance.hold((1 << 20) // COPIES)
-    with pytest.raises(BagError, match='of memory; --max-memory'):
+    with pytest.raises(BagError, match='of memory'):
         allowance.hold(1)

@@ -1,5 +1,6 @@
 """Identification against Table 1 of the paper, with noise, and on motions that do not suffice."""
 
+import weakref
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,9 +10,12 @@ from assembly import simulated
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.studies.identification import (
     identified,
+    least_squares,
     measured_motion,
+    motor_lag,
     readable,
     regression_rows,
+    rest,
 )
 from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot_control.configuration import resolve
@@ -112,6 +116,29 @@ def test_what_noise_leaves_and_what_no_inertias_explain(excited):
     assert 'no set of inertias explains the motion' in identify(excited, other).left.doubt
 
 
+def test_few_rows_have_the_squares_of_many_and_some_are_kept_evenly(excited, monkeypatch):
+    robot, guess = excited.nominal.robot, excited.nominal.guess
+    base = regression_rows.base_of(excited.recording, robot, guess)
+    monkeypatch.setattr(measured_motion, 'LONGEST', 3000)
+    monkeypatch.setattr(regression_rows, 'SOME', 100)
+    some = regression_rows.SomeRows()
+    parts = [*some.seen(regression_rows.rows(excited.recording, robot, base, guess, 0.0, CUTOFF))]
+    assert len(parts) == 5
+    squares, rows = least_squares.squares_of(parts), regression_rows.joined(parts)
+    assert len(squares.Y) == 33 < len(rows.Y) == squares.count  # 3 joints by 10 parameters, and 3
+    left = rows.torque - rows.Y @ (0.9 * TRUTH)
+    direct = np.sqrt((left**2).sum(axis=0) / rows.known.sum(axis=0))
+    np.testing.assert_allclose(squares.rms(0.9 * TRUTH), direct, rtol=1e-12)
+    root = np.linalg.cholesky(least_squares.estimate(squares, TRUTH, TRUTH).weight).T
+    flat = (root @ rows.Y).reshape(-1, len(TRUTH))
+    values = np.linalg.lstsq(flat, (rows.torque @ root.T).ravel(), rcond=None)[0]
+    estimated = least_squares.estimate(squares, TRUTH, TRUTH).values
+    np.testing.assert_allclose(estimated, values, rtol=1e-9)
+    every = -(-len(rows.time) // 100)
+    every = 1 << (every - 1).bit_length()
+    assert np.array_equal(some.whole().time, rows.time[::every])
+
+
 def test_the_nominal_values_do_not_matter(excited):
     robot = excited.nominal.robot
     wrong = robot.parameters._replace(m1=3.0, m2=9.0, mp=6.0, I1=0.2, I2=0.1, Ip=0.2)
@@ -137,8 +164,13 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
     covered = np.zeros(len(TRUTH), int)
     for _ in range(100):
         recorded = noisy(excited, rng, 5e-5, 0.5)
-        rows = regression_rows.rows(recorded, robot, base, guess, 0.0, CUTOFF)
-        fit = identified.least_squares.fit(rows, 0.9 * TRUTH, scale)
+        rows = [*regression_rows.rows(recorded, robot, base, guess, 0.0, CUTOFF)]
+        squares = least_squares.squares_of(rows)
+        found = least_squares.estimate(squares, 0.9 * TRUTH, scale)
+        uncertainty = least_squares.Uncertainty(found, squares, scale)
+        for part in rows:
+            uncertainty.add(part)
+        fit = uncertainty.fit()
         half = fit.interval * fit.standard_errors
         covered += np.abs(fit.values - TRUTH) <= half
     assert covered.min() >= 90 and covered.max() <= 99, covered
@@ -299,6 +331,36 @@ def log_of(case, **parts):
 LIMIT = np.full(3, 200.0)
 
 
+def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
+    """Whoever looks at the windows keeps little of them, and copies, not views of all."""
+    for module in (measured_motion, motor_lag, rest):
+        monkeypatch.setattr(module, 'LONGEST', 1500)
+    whole, made, most = log_of(excited), [], []
+
+    def windows():
+        for begin in range(0, len(whole.time), 500):
+            columns = {
+                name: getattr(whole, name)[begin : begin + 500].copy()
+                for name in ('stamps', 'time', 'position', 'effort')
+            }
+            made.extend(weakref.ref(column) for column in columns.values())
+            shared = {'answer': columns['effort'], 'velocity': columns['position']}
+            shared |= {'reference_velocity': columns['position'], 'has_efforts': True}
+            yield SimpleNamespace(joints=whole.joints, units=whole.units, **columns, **shared)
+            del columns, shared
+            most.append(sum(column() is not None for column in made))
+
+    still, stretch = rest.Resting(1e-3), motor_lag.LongestStretch(1e-3)
+    for log in windows():
+        still.add(log)
+        stretch.add(log)
+    assert stretch.lag() and max(most) <= 16
+    found = measured_motion.RunMotion(windows(), windows, 1e-3, (), LIMIT)
+    result = identified.identify(excited.nominal, found, CUTOFF)
+    assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
+    assert len(most) >= 5 * 31 and max(most) <= 16
+
+
 def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
     statuses = [
         ControllerStatus(10**9, 's_fotsmc', 'none', '', ()),
@@ -312,7 +374,7 @@ def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
     assert found.left_out == ('1 s: after a fault', '0.5 s: motors saturated')
     result = identify(excited, found)
     assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
-    assert result.rows.duration < 13.0
+    assert result.squares.duration < 13.0
 
 
 def test_a_gap_separates_two_stretches(excited):
@@ -323,8 +385,9 @@ def test_a_gap_separates_two_stretches(excited):
         ('joints', 'units', 'time')
     }  # fmt: skip
     found = measured_motion.of(log_of(excited, **parts), (), LIMIT)
-    pieces = measured_motion.stretches(found, 100)
-    assert [(part.start, part.stop) for part in pieces] == [(0, 7000), (7000, 14401)]
+    pieces = [part.time for part in measured_motion.stretches(found, 100)]
+    assert [len(time) for time in pieces] == [7000, 7401]
+    assert [time[0] for time in pieces] == [0.0, 7.6]
     assert np.abs(identify(excited, found).fit.values / TRUTH - 1.0).max() < 0.01
 
 
@@ -361,7 +424,7 @@ def test_states_at_100_hz_take_the_default_bandwidth(excited):
         *(rows[::10] for rows in (kept.position, kept.effort, kept.usable)),
     )
     assert regression_rows.highest_cutoff(slow) < CUTOFF
-    assert identify(excited, slow).rows.duration > 13.0
+    assert identify(excited, slow).squares.duration > 13.0
 
 
 def test_a_robot_without_a_linear_model_is_refused(excited):

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot.bags import gathered_run, indexed_reader
+from parallel_robot.bags import indexed_reader, run_windows
 from parallel_robot.cli.command_line import main
+from parallel_robot.studies.identification import measured_motion
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
 
@@ -74,9 +75,10 @@ def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
 def test_a_bag_in_windows_gives_the_same(more, bags, capsys, monkeypatch):
     excited, circle, still = bags
     monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    monkeypatch.setattr(measured_motion, 'LONGEST', 4500)
     said = []
     for seconds in (100.0, 1.7):
-        monkeypatch.setattr(gathered_run, 'SECONDS', seconds)
+        monkeypatch.setattr(run_windows, 'SECONDS', seconds)
         capsys.readouterr()
         words = [*more, circle] if more == ['--validate'] else more
         bag = still if more == ['--rest'] else excited

@@ -10,6 +10,7 @@ from parallel_robot.bags import (
     bag_files,
     gathered_run,
     indexed_reader,
+    limits,
     mcap_records,
     recording,
     recovery,
@@ -50,6 +51,17 @@ def bag(tmp_path_factory):
 def messages(bag):
     found = content(bag / 'bag_0.mcap')
     return {topic: found[topic.name] for topic in topics.RECORDED}
+
+
+def test_a_bag_may_have_more_chunks_than_descriptions(messages, tmp_path, monkeypatch):
+    """Chunks grow with its length; topics and what describes them are few in every bag."""
+    monkeypatch.setattr(limits, 'DESCRIPTIONS', 100)
+    write_mcap(tmp_path / 'bag.mcap', messages, chunk_size=2000)
+    reader = BagReader(tmp_path / 'bag.mcap')
+    count = sum(1 for _ in reader.messages(['/joint_states'], 0))
+    assert count == len(messages[JOINT_STATES]) and len(reader._chunks) > 100
+    with pytest.raises(BagError, match='of memory'):
+        BagReader(tmp_path / 'bag.mcap', 100 * limits.CHUNK_INDEX)
 
 
 def without(messages, topic, lost):

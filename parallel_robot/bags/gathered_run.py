@@ -1,8 +1,8 @@
-"""A run with a few of its columns alone, read in windows: with a tenth of the memory of all."""
+"""The end of a run, and how many states it has, read in windows."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,6 @@ import numpy as np
 
 from parallel_robot.bags import recording, run_log
 from parallel_robot.bags.alike_lines import AlikeLines
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import SECONDS
@@ -18,39 +17,19 @@ from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import EMPTY, RunLog
 from parallel_robot_model.common.errors import WholeNeededError
 
-ALWAYS = ('stamps', 'time')
-
-
-def read(
-    bag: Path,
-    columns: Collection[str],
-    memory: int = MEMORY,
-    motion_only: bool = False,
-    view: BagView = AS_RECORDED,
-) -> tuple[RunLog, History]:
-    """Read a bag; see :func:`recording.read`.
-
-    Args:
-        bag: Directory of the bag, or its MCAP file.
-        columns: Names of the arrays of the run that are wanted beside ALWAYS; others are empty.
-        memory: What may be held of a window [bytes].
-        motion_only: Whether references and commands may be missing.
-        view: What it does not say itself, and which part is wanted.
-
-    Raises:
-        BagError: not a bag, or one that is not of a run or takes too much.
-    """
-    try:
-        found = of(bag, recording.chunks(bag, SECONDS, (), memory, motion_only, view), columns)
-    except WholeNeededError:
-        found = recording.read(bag, (), memory, motion_only, view)
-    return found.log, found.history
-
 
 def ends(bag: Path, memory: int = MEMORY) -> tuple[RunLog, History, int]:
     """The last state of a run, what happened beside it, and how many states it has.
 
-    Arguments and errors as of :func:`read`; the log has the last state of each window.
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        memory: What may be held of a window [bytes].
+
+    Returns:
+        The log has the last state of each window.
+
+    Raises:
+        BagError: not a bag, or one that is not of a run or takes too much.
     """
     count = 0
 
@@ -62,25 +41,20 @@ def ends(bag: Path, memory: int = MEMORY) -> tuple[RunLog, History, int]:
             yield window._replace(log=run_log.rows(window.log, np.arange(states - 1, states)))
 
     try:
-        found = of(bag, last(recording.chunks(bag, SECONDS, (), memory)), ())
+        found = _of(bag, last(recording.chunks(bag, SECONDS, (), memory)))
     except WholeNeededError:
         count = 0
-        found = of(bag, last(iter([recording.read(bag, (), memory)])), ())
+        found = _of(bag, last(iter([recording.read(bag, (), memory)])))
     return found.log, found.history, count
 
 
-def of(bag: Path, windows: Iterator[Recording], columns: Collection[str]) -> Recording:
-    """The run of some windows, without messages of other topics.
-
-    Args:
-        bag: The bag, for warnings.
-        windows: They follow each other.
-        columns: As of :func:`read`.
+def _of(bag: Path, windows: Iterator[Recording]) -> Recording:
+    """The run of some windows that follow each other: stamps and times of their states.
 
     Raises:
         WholeNeededError: they do not hold the same, or there is none.
     """
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in (*ALWAYS, *columns)}
+    parts: dict[str, list[np.ndarray]] = {name: [] for name in ('stamps', 'time')}
     told = AlikeLines()
     first: Recording | None = None
     kind = None
@@ -97,6 +71,6 @@ def of(bag: Path, windows: Iterator[Recording], columns: Collection[str]) -> Rec
     whole: dict[str, Any] = {
         name: EMPTY for name, value in first.log._asdict().items() if isinstance(value, np.ndarray)
     }
-    whole |= {name: np.concatenate(parts.pop(name)) for name in (*ALWAYS, *columns)}
+    whole |= {name: np.concatenate(parts.pop(name)) for name in [*parts]}
     log = first.log._replace(**whole, warnings=told.lines, answers=None, used=None)
     return Recording(log, first.history, {})

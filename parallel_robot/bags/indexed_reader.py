@@ -230,6 +230,14 @@ class BagReader:
             latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
             self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
             self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
+        alike: dict[tuple[int, ...], dict[int, str]] = {}  # of many chunks, once
+
+        def topics(index: ChunkIndex) -> dict[int, str]:
+            there = tuple(index.message_index_offsets or topic_of)
+            if there not in alike:
+                alike[there] = {key: topic_of[key] for key in there if key in topic_of}
+            return alike[there]
+
         return [
             _Chunk(
                 index.message_start_time,
@@ -239,11 +247,7 @@ class BagReader:
                 file.data,
                 offset,
                 index.chunk_length,
-                {
-                    key: topic
-                    for key, topic in topic_of.items()
-                    if key in index.message_index_offsets or not index.message_index_offsets
-                },
+                topics(index),
             )
             for k, (offset, index) in enumerate(sorted(indexes.items()))
         ]

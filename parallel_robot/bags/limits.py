@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.common.options import number
 
 MEMORY = 2 << 30  # bytes that a command may take for what is in bags
 TRUSTED = 1 << 50  # the same, for a bag that this process has just had written
@@ -17,6 +15,7 @@ RECORD = 16  # bytes; the index of a message alone has as many
 DESCRIPTIONS = 20_000  # schemas, channels, attachments and metadata records of a file
 DESCRIPTION = 1 << 20  # bytes of one of them
 ATTACHMENT = 1 << 28  # bytes of an attachment
+CHUNK_INDEX = 1 << 9  # bytes that the index of a chunk takes
 CHUNK = 1 << 28  # bytes that a chunk unpacks to
 MESSAGE = 1 << 16  # bytes of a message that is decoded; that of a hundred joints has five thousand
 KINDS = 100  # kinds of messages that a topic may have: joints and their order
@@ -34,34 +33,11 @@ def is_name(text: str) -> bool:
     return text.isprintable() and len(text) <= NAME
 
 
-def add_memory_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare ``--max-memory``."""
-    parser.add_argument(
-        '--max-memory',
-        type=gigabytes,
-        default=MEMORY,
-        metavar='GB',
-        help=f'memory that bags may take, default {MEMORY / (1 << 30):g}',
-    )
-
-
-def gigabytes(text: str) -> int:
-    """Bytes from a number of gigabytes on the command line.
-
-    Raises:
-        argparse.ArgumentTypeError: it is none, or out of range.
-    """
-    size = number(text)
-    if not 0.01 <= size <= 1e6:
-        raise argparse.ArgumentTypeError(f'{text} GB are not from 0.01 to 1e6')
-    return round(size * (1 << 30))
-
-
 class Allowance:
     """Budget for reading a file; each part is deducted before it is allocated.
 
-    Memory alone may be asked for with ``--max-memory``. What a file unpacks to, and how many
-    records that are, is bounded by that memory or the size of the file, whichever allows more.
+    What a file unpacks to, and how many records that are, is bounded by the memory or the size of
+    the file, whichever allows more.
     """
 
     def __init__(self, path: Path, size: int, memory: int = MEMORY) -> None:
@@ -94,7 +70,7 @@ class Allowance:
         if self._unpacked < 0:
             raise BagError(
                 f'{self._path} unpacks to more than {RATIO} times its size and more than '
-                f'{_gigabytes(self._memory)}; --max-memory allows more, where a command has it'
+                f'{_gigabytes(self._memory)}'
             )
 
     def walk(self, records: int) -> None:
@@ -128,10 +104,7 @@ class Allowance:
         """
         self._held += size
         if COPIES * self._held > self._memory:
-            raise BagError(
-                f'{self._path} takes more than {_gigabytes(self._memory)} of memory; '
-                '--max-memory allows more, where a command has it'
-            )
+            raise BagError(f'{self._path} takes more than {_gigabytes(self._memory)} of memory')
 
 
 def _gigabytes(size: int) -> str:

@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
 from parallel_robot.bags.bag_files import release
-from parallel_robot.bags.limits import ATTACHMENT, DESCRIPTION, Allowance
+from parallel_robot.bags.limits import ATTACHMENT, CHUNK_INDEX, DESCRIPTION, Allowance
 from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
 from parallel_robot.bags.mcap_chunk import (
     Content,
@@ -158,8 +158,11 @@ def summarised(
     starts, _ = record_starts(
         np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD
     )
-    wanted = starts[np.isin(np.frombuffer(data, np.uint8)[starts], list(kinds))].tolist()
-    allowance.describe(len(wanted))
+    opcodes = np.frombuffer(data, np.uint8)[starts]
+    wanted = starts[np.isin(opcodes, list(kinds))].tolist()
+    chunks = int((opcodes == Opcode.CHUNK_INDEX).sum()) if Opcode.CHUNK_INDEX in kinds else 0
+    allowance.describe(len(wanted) - chunks)
+    allowance.hold(CHUNK_INDEX * chunks)  # a long bag has many
     records = [_parsed(_record(data, start), kinds) for start in wanted]
     return begin, [record for record in records if record is not None]
 

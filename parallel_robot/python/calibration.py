@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any, overload
 
 from parallel_robot.bags import new_files, recorded_robot
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration, modes
 from parallel_robot.studies.calibration.bag_calibration import Calibration
@@ -27,7 +26,6 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
-    memory: int = MEMORY,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
     **options: Any,
@@ -50,7 +48,6 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
-    memory: int = MEMORY,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
     scenario: Place | None = None,
@@ -71,7 +68,6 @@ def calibrate(
         pose_topic: Topic of measured poses in the bag; default: the only one.
         free: What is unknown of the tracker: ``frame``, ``target``.
         out: YAML file of the robot, or of the motion, for ``param_file``; it must not exist.
-        memory: What may be held of the bag [bytes].
         trust: Whether the file of a custom robot in the bag may run.
         custom_robots: Files of custom robots of yours.
         scenario: Without a bag, the scenario around whose first pose others are chosen; else what
@@ -121,7 +117,6 @@ def calibrate(
         arguments.optional('poses', poses),
         pose_topic,
         free,
-        memory,
         recorded_robot.chosen(trust, custom_robots),
         arguments.view({**of_bag, **values, 'scenario': scenario, 'param_file': param_file}),
     )

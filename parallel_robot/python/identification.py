@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.python import arguments
 from parallel_robot.studies.identification import bag_identification, designed, modes
 from parallel_robot.studies.identification.bag_identification import Identification
@@ -25,11 +24,10 @@ def identify(
     out: Place | None = None,
     figure: Place | None = None,
     cutoff: float | None = None,
-    memory: int = MEMORY,
     **options: Any,
 ) -> Identification: ...
 @overload
-def identify(bag: Place, *, rest: Literal[True], memory: int = MEMORY, **options: Any) -> Rest: ...
+def identify(bag: Place, *, rest: Literal[True], **options: Any) -> Rest: ...
 @overload
 def identify(
     *,
@@ -51,7 +49,6 @@ def identify(
     design: Place | None = None,
     trials: int | None = None,
     seed: int | None = None,
-    memory: int = MEMORY,
     param_file: Place | Iterable[Place] | None = None,
     **values: Any,
 ) -> Identification | Rest | Designed:
@@ -75,7 +72,6 @@ def identify(
             place of a bag.
         trials: Number of motions to try for it; default: 2500.
         seed: Seed of that search; default: 0.
-        memory: What may be held of each bag [bytes].
         param_file: YAML file with keys of the configuration of `design`, or of a bag that has
             none, or several.
         values: Keys of that configuration and their values; and what a bag does not say itself,
@@ -119,7 +115,7 @@ def identify(
     place = arguments.path('a bag', bag)
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == modes.REST:
-        return bag_identification.at_rest(place, memory, view)
-    found = bag_identification.identify(place, second, cutoff, memory, view)
+        return bag_identification.at_rest(place, view)
+    found = bag_identification.identify(place, second, cutoff, view)
     found.write(robot, picture)
     return found

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 from parallel_robot.bags import new_files
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
@@ -57,7 +56,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_trust_argument(parser, 'the robot')
     simulate.add_set_argument(parser)
     add_bag_arguments(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -78,7 +76,6 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.poses,
         arguments.pose_topic,
         arguments.free,
-        arguments.max_memory,
         robot_code(arguments, values),
         bag_view(arguments, values),
     )

@@ -6,7 +6,6 @@ import argparse
 import sys
 from pathlib import Path
 
-from parallel_robot.bags.limits import add_memory_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
@@ -52,7 +51,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--seed', type=int, help=f'of --design, default {SEED}')
     simulate.add_set_argument(parser)
     add_bag_arguments(parser)
-    add_memory_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
@@ -68,13 +66,13 @@ def execute(arguments: argparse.Namespace) -> int:
     mode = modes.mode(vars(arguments) | others)
     if mode == modes.DESIGN:
         return _design(arguments)
-    bag, memory = arguments.bag, arguments.max_memory
+    bag = arguments.bag
     view = bag_view(arguments, simulate.given(arguments))
     if mode == modes.REST:
-        still = bag_identification.at_rest(bag, memory, view)
+        still = bag_identification.at_rest(bag, view)
         show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0
-    found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, memory, view)
+    found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, view)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
     found.write(arguments.out, arguments.figure)

@@ -21,7 +21,7 @@ from parallel_robot.bags.recorded_robot import RobotCode
 from parallel_robot.cli import invocation
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.studies.identification import identified, measured_motion, rest, robot_file
+from parallel_robot.studies.identification import bag_identification, rest
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import NO_FAULT
@@ -241,17 +241,15 @@ def _named(name: str, finding: Finding) -> Finding:
 def _learn(bag: Path, file: Path) -> dict[str, Any]:
     """Identify the robot into a file; what it changes, without what is the plant's own."""
     try:
-        log, recorded = measured_motion.read(bag, TRUSTED)
-        found = identified.identify(identified.nominal_of(log), recorded, CUTOFF)
+        found = bag_identification.identify(bag, cutoff=CUTOFF)
+        found.write(file, None)
     except ParallelRobotError as error:
         print(f'  FAILED  {error}')
         return {}
-    still = rest.of(log)
-    noise = still.parameters() if still else {}
-    new_files.write(file, robot_file.text(found, str(bag), noise).encode())
-    checked = identified.compare(found, found.rows)
-    before, now = (float(np.max(each)) for each in (checked.nominal_error, checked.error))
-    nm = log.units.of('N m')
+    before, now = (
+        float(np.max(each)) for each in (found.checked.nominal_error, found.checked.error)
+    )
+    nm = found.found.nominal.robot.joint_units.of('N m')
     print(f'  ok      {file}: torque error, rms, {before:.2g} {nm} before, now {now:.2g} {nm}')
     learnt = parameter_file.read(file)
     return {key: value for key, value in learnt.items() if not key.startswith('friction.')}

@@ -6,16 +6,17 @@ import contextlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.bags import gathered_run, new_files, pose_topics, recorded_robot
+from parallel_robot.bags import new_files, pose_topics, recorded_robot, recording, run_log
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.pose_topics import StampedPoses
 from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.recording import Recording
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.studies.calibration import (
     least_squares,
@@ -24,18 +25,24 @@ from parallel_robot.studies.calibration import (
     tracker_file,
 )
 from parallel_robot.studies.calibration.least_squares import Fit
-from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.near_states import KEPT, NearStates, margin
+from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RobotError
+from parallel_robot_model.common.errors import (
+    BagError,
+    InputError,
+    KinematicsError,
+    RobotError,
+    WholeNeededError,
+)
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.robots.configuration import is_known
-from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 
 GAP = 0.02  # s between two states, beyond which nobody knows the joints in between
@@ -93,7 +100,6 @@ def calibrate(
     poses: Path | None = None,
     topic: str | None = None,
     free: Collection[str] = (),
-    memory: int = MEMORY,
     code: RobotCode = NONE,
     view: BagView = AS_RECORDED,
 ) -> Calibration:
@@ -104,7 +110,6 @@ def calibrate(
         poses: CSV of measured poses; None: they are in the bag.
         topic: Topic of measured poses in the bag; None: the only one.
         free: What is unknown of the tracker, see FREE.
-        memory: What may be held of the bag [bytes].
         code: What may run to know the robot.
         view: What the bag does not say itself, and which part is wanted.
 
@@ -112,44 +117,93 @@ def calibrate(
         BagError: it is no bag of a run, or its poses do not suffice.
         InputError: a value is wrong, or a file cannot be read.
     """
-    log = recorded_robot.evaluated(
-        lambda windows: gathered_run.of(bag, windows, ('position',)),
-        bag,
-        memory,
-        code,
-        view=view,
-        motion_only=True,
-    ).log
+    duration, states = recording.size(bag, view)
+
+    def look(windows: Iterator[Recording]) -> tuple[RunLog, _Measured, NearStates, list[str]]:
+        """The run without its states, the poses, the states near them, and warnings."""
+        told = AlikeLines()
+        found: tuple[RunLog, _Measured, NearStates] | None = None
+        for window in windows:
+            log = window.log
+            told.take(bag, log)
+            if found is None:
+                measured = _measured(bag, log, poses, topic, states > KEPT)
+                robot, guess = nominal_of(log.config)
+                time = measured.poses.time
+                most = margin(duration, states, len(time))
+                near = NearStates(robot, guess, known(log.config), time, most)
+                found = run_log.head(log, 0), measured, near
+            with _naming(bag):
+                found[2].add(log)
+        if found is None:
+            raise WholeNeededError('no window has a state')
+        return *found, [*told.lines]
+
+    log, (measured, remarks), near, warnings = recorded_robot.evaluated(
+        look, bag, code=code, view=view, motion_only=True
+    )
+    warnings += remarks
+    measured, remarks = _joined(near, measured, poses or bag)
+    warnings += remarks
+    with _naming(bag):
+        track, nominal = near.track()
+        rows = np.minimum(np.searchsorted(track.time, measured.time), len(nominal) - 1)
+        robot, _ = nominal_of(log.config)
+        zero = known(log.config)
+        model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
+        fit = least_squares.fit(model)
+    most = margin(duration, states, len(near.around))
+    return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most)))
+
+
+class _Measured(NamedTuple):
+    """Measured poses, and what was not used of them, one line each."""
+
+    poses: MeasuredPoses
+    remarks: list[str]
+
+
+def _measured(
+    bag: Path, log: RunLog, poses: Path | None, topic: str | None, thinned: bool
+) -> _Measured:
+    """Poses of a file or of the bag; the first arguments as of :func:`calibrate`.
+
+    Raises:
+        BagError: its robot is not known, or the bag has no poses.
+        InputError: the file cannot be read, or its poses are not of this robot.
+    """
     if not is_known(log.config):
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
-    robot, guess = nominal_of(log.config)
+    robot, _ = nominal_of(log.config)
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
-    warnings = [*log.warnings]
-    home = _home(robot)
+    home, remarks = _home(robot), []
     if poses is not None:
         file = tracker_file.read(poses, names, log.start_stamp, home)
         measured = MeasuredPoses(file.time, file.columns, file.pose)
         if file.unused:
             listed = printable(', '.join(file.unused), 80)
-            warnings.append(f'{poses}: not used: the columns {listed}')
+            remarks.append(f'{poses}: not used: the columns {listed}')
         if file.missing:
-            warnings.append(f'{poses}: not used: {file.missing} lines without a pose')
+            remarks.append(f'{poses}: not used: {file.missing} lines without a pose')
     else:
-        found = pose_topics.read(bag, topic, memory)
+        found = pose_topics.read(bag, topic)
         if found.missing:
-            warnings.append(f'{bag}: not used: {found.missing} messages without a pose')
+            remarks.append(f'{bag}: not used: {found.missing} messages without a pose')
         time = (found.stamps - log.start_stamp) / NANOSECONDS
         measured = MeasuredPoses(time, *_coordinates(robot, names, found, home))
-    track = _track(log)
-    measured, remarks = _joined(track, measured, poses or bag)
-    warnings += remarks
-    with _naming(bag):
-        zero = known(log.config)
-        nominal = poses_of(robot, track.position - zero, guess)
-        rows = np.minimum(np.searchsorted(track.time, measured.time), len(nominal) - 1)
-        model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
-        fit = least_squares.fit(model)
-    return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit)))
+    if thinned:
+        measured = _evenly(measured, poses or bag, remarks)
+    return _Measured(measured, remarks)
+
+
+def _evenly(measured: MeasuredPoses, source: Path, remarks: list[str]) -> MeasuredPoses:
+    """At most MOST of some poses; the remarks tell where there are more."""
+    count = len(measured.time)
+    if count <= MOST:
+        return measured
+    remarks.append(f'{source}: of {count} poses, {MOST} are used, evenly')
+    rows = np.linspace(0, count - 1, MOST).astype(int)
+    return MeasuredPoses(measured.time[rows], measured.columns, measured.pose[rows])
 
 
 def _home(robot: RobotModel) -> Rotation | None:
@@ -183,57 +237,47 @@ def _coordinates(
     return columns, np.column_stack([told[names[k]] for k in columns])
 
 
-def _track(log: RunLog) -> JointTrack:
-    """The joints of a run, each stamp once."""
-    newer = log.stamps > np.concatenate(
-        [log.stamps[:1] - 1, np.maximum.accumulate(log.stamps)[:-1]]
-    )
-    return JointTrack(log.time[newer], log.position[newer])
-
-
 def _joined(
-    track: JointTrack, measured: MeasuredPoses, source: Path
+    near: NearStates, measured: MeasuredPoses, source: Path
 ) -> tuple[MeasuredPoses, list[str]]:
     """Poses at which the joints are known, at most MOST, and what was not used, one line each.
 
     Raises:
         BagError: there are none.
     """
-    after = np.searchsorted(track.time, measured.time)
-    inside = (after > 0) & (after < len(track.time))
-    inside |= np.isin(measured.time, track.time[[0, -1]])
-    steps = np.diff(track.time)
-    gap = max(GAP, 5.5 * float(np.median(steps))) if len(steps) else GAP
-    inside[inside] &= steps[np.clip(after[inside], 1, len(steps)) - 1] <= gap
-    remarks = []
+    inside = near.around <= max(GAP, 5.5 * near.period)
     if not inside.any():
         first, last = measured.time[0], measured.time[-1]
         raise BagError(
             f'{source}: no pose was measured while the joints were recorded: poses are from '
-            f't = {first:.3f} to {last:.3f} s, joint states from {track.time[0]:.3f} to '
-            f'{track.time[-1]:.3f} s'
+            f't = {first:.3f} to {last:.3f} s, joint states from {near.first:.3f} to '
+            f'{near.last:.3f} s'
         )
+    remarks = []
     outside = int((~inside).sum())
     if outside:
         remarks.append(f'{source}: not used: {outside} poses at times without joint states')
-    rows = np.flatnonzero(inside)
-    if len(rows) > MOST:
-        remarks.append(f'{source}: of {len(rows)} poses, {MOST} are used, evenly')
-        rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
-    return MeasuredPoses(measured.time[rows], measured.columns, measured.pose[rows]), remarks
+    used = MeasuredPoses(measured.time[inside], measured.columns, measured.pose[inside])
+    return _evenly(used, source, remarks), remarks
 
 
-def _doubts(model: PoseModel, found: Fit) -> list[str]:
-    """What to doubt of a calibration, one line each."""
+def _doubts(model: PoseModel, found: Fit, most: float) -> list[str]:
+    """What to doubt of a calibration, one line each; `most` of the clock, see :func:`margin`."""
+    lines = []
+    if abs(found.values[-1]) + CLOCK_STEP > most:
+        lines.append(
+            f'the clock of the tracker is off by more than {most - CLOCK_STEP:.3g} s: of so long '
+            'a bag the joints are kept no further from a pose; shift the times of the poses'
+        )
     share: Array = np.abs(found.left) / found.noise
     stray = (share > STRAY).any(axis=1)
-    if not stray.any():
-        return []
-    worst = int(np.argmax(share.max(axis=1)))
-    return [
-        f'{int(stray.sum())} poses are more than {STRAY:g} standard deviations beside what is '
-        f'explained, at worst at t = {model.measured.time[worst]:.3f} s: the tracker strayed?'
-    ]
+    if stray.any():
+        worst = int(np.argmax(share.max(axis=1)))
+        lines.append(
+            f'{int(stray.sum())} poses are more than {STRAY:g} standard deviations beside what is '
+            f'explained, at worst at t = {model.measured.time[worst]:.3f} s: the tracker strayed?'
+        )
+    return lines
 
 
 @contextlib.contextmanager

@@ -8,30 +8,34 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import gathered_run, new_files
+from parallel_robot.bags import new_files
+from parallel_robot.bags.alike_lines import AlikeLines
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run_windows import RunWindows
 from parallel_robot.studies.identification import (
     identified,
-    measured_motion,
-    motor_lag,
     readable,
     rest,
     robot_file,
     unexplained,
 )
 from parallel_robot.studies.identification.identified import Identified, Prediction
-from parallel_robot.studies.identification.motor_lag import MotorLag
+from parallel_robot.studies.identification.measured_motion import RunMotion
+from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
-from parallel_robot.studies.identification.rest import Rest
+from parallel_robot.studies.identification.rest import Rest, Resting
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
+from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_sim.plant import PlantParameters
 
 
 @dataclass(frozen=True, repr=False)
@@ -127,7 +131,6 @@ def identify(
     bag: Path,
     validate: Path | None = None,
     cutoff: float | None = None,
-    memory: int = MEMORY,
     view: BagView = AS_RECORDED,
 ) -> Identification:
     """Identify the robot of a bag.
@@ -136,7 +139,6 @@ def identify(
         bag: Directory of the bag, or its MCAP file.
         validate: Another bag of the same robot, whose torques are predicted.
         cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
-        memory: What may be held of each bag [bytes].
         view: What they do not say themselves; the part of it is of the first one.
 
     Raises:
@@ -147,52 +149,98 @@ def identify(
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
     if validate and validate.resolve() == bag.resolve():
         raise InputError(f'--validate needs another bag than {bag}')
-    log, recorded = measured_motion.read(bag, memory, view)
-    nominal = identified.nominal_of(log)
+    first = _looked_through(bag, view)
+    nominal = identified.nominal_of(first.log)
     warnings: list[str] = []
     second = None
     if validate:
-        second = measured_motion.read(validate, memory, view._replace(start=None, stop=None))
-        identified.check_same_robot(log, second[0])
-        warnings += _told(validate, (*second[0].warnings, *second[1].left_out))
-    warnings += _told(bag, (*log.warnings, *recorded.left_out))
+        second = _looked_through(validate, view._replace(start=None, stop=None))
+        identified.check_same_robot(first.log, second.log)
+        warnings += second.warnings
+    warnings += first.warnings
     if cutoff is None:
-        cutoff = min(CUTOFF, highest_cutoff(recorded))
+        cutoff = min(CUTOFF, highest_cutoff(first.motion))
     with _naming(bag):
-        found = identified.identify(nominal, recorded, cutoff)
+        found = identified.identify(nominal, first.motion, cutoff)
     if found.left.doubt:
         warnings.append(f'{bag}: {found.left.doubt}')
     if second is None or validate is None:
-        checked = identified.compare(found, found.rows)
+        checked = identified.compare(found)
     else:
         with _naming(validate):
-            guess = identified.nominal_of(second[0]).guess
-            checked = identified.predict(found, second[1], guess, cutoff)
+            guess = identified.nominal_of(second.log).guess
+            checked = identified.predict(found, second.motion, guess, cutoff)
     return Identification(
         bag,
-        log.joints,
+        first.log.joints,
         found,
         checked,
         second is not None,
-        rest.of(log),
-        motor_lag.of(log),
+        first.rest,
+        first.lag,
         tuple(warnings),
     )
 
 
-def at_rest(bag: Path, memory: int = MEMORY, view: BagView = AS_RECORDED) -> Rest:
+class _LookedThrough(NamedTuple):
+    """A bag that was looked through once; see :class:`Identification`."""
+
+    log: RunLog
+    motion: RunMotion
+    rest: Rest | None
+    lag: MotorLag | None
+    warnings: list[str]
+
+
+def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
+    """Look through a bag once.
+
+    Raises:
+        BagError: it is no bag of a run, or it holds no torques or no motion.
+    """
+    run = RunWindows(bag, view)
+    config = run.log.config
+    limit = np.array(group(config, PlantParameters, 'plant').torque_limit)
+
+    def look(windows: Iterator[RunLog]) -> _LookedThrough:
+        told, still, stretch = AlikeLines(), Resting(run.period), LongestStretch(run.period)
+
+        def seen() -> Iterator[RunLog]:
+            for log in windows:
+                told.take(bag, log)
+                still.add(log)
+                stretch.add(log)
+                yield log
+
+        with _naming(bag):
+            motion = RunMotion(
+                seen(), run.windows, run.period, run.history.statuses, limit, known(config)
+            )
+        warnings = _told(bag, (*told.lines, *motion.left_out))
+        return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
+
+    return run.evaluated(look)
+
+
+def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
     """Noise of the sensors of a bag, where the robot rests.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
-        memory: What may be held of it [bytes].
         view: What it does not say itself, and which part is wanted.
 
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
     """
-    log, _ = gathered_run.read(bag, measured_motion.COLUMNS, memory, True, view)
-    found = rest.of(log)
+    run = RunWindows(bag, view)
+
+    def look(windows: Iterator[RunLog]) -> Rest | None:
+        still = Resting(run.period)
+        for log in windows:
+            still.add(log)
+        return still.rest()
+
+    found = run.evaluated(look)
     if found is None:
         raise BagError(f'{bag}: {rest.NONE}')
     return found

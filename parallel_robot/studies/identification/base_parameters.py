@@ -7,6 +7,7 @@ Source:
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,12 +52,15 @@ class BaseParameters:
         return np.where(sizes > 0.0, sizes, 1.0)
 
 
-def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
+def find(
+    robot: RobotModel, positions: Iterable[Array], count: int, guess: Array
+) -> BaseParameters:
     """Find the base parameters at some joint positions, whatever velocity and acceleration are.
 
     Args:
         robot: The robot.
-        position: Joint positions in the order of a motion [rad], shape (N, n).
+        positions: Joint positions in the order of a motion, part by part [rad], each shape (N, n).
+        count: How many there are in all.
         guess: Pose near the first one, shape (m,).
 
     Raises:
@@ -64,21 +68,28 @@ def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
         KinematicsError: a position has no pose.
     """
     model = linear_model(robot)
-    rows = np.linspace(0, len(position) - 1, STATES).astype(int)
-    pose = poses_of(robot, position, guess, any_mode=True)[rows]
+    wanted = np.linspace(0, count - 1, STATES).astype(int)
+    kept, first = [], 0
+    for part in positions:
+        pose = poses_of(robot, part, guess, any_mode=True, first=first)
+        rows = wanted[(wanted >= first) & (wanted < first + len(part))] - first
+        kept.append((part[rows], pose[rows]))
+        if len(part):
+            guess, first = pose[-1], first + len(part)
+    position, pose = (np.concatenate(each) for each in zip(*kept, strict=True))
     rng = np.random.default_rng(1)
     velocity, acceleration = rng.normal(size=(2, STATES, position.shape[1]))
-    Y = model.regressor(robot.parameters, pose, position[rows], velocity, acceleration)
+    Y = model.regressor(robot.parameters, pose, position, velocity, acceleration)
     Y = Y.reshape(-1, Y.shape[-1])
     # A column without a new direction has a zero on the diagonal of R (no pivoting).
     R = np.linalg.qr(Y / np.linalg.norm(Y, axis=0).clip(1e-300), mode='r')
     pivots = np.abs(np.diag(R))
-    kept = np.flatnonzero(pivots > NOTHING * pivots.max())
-    K: Array = np.linalg.lstsq(Y[:, kept], Y, rcond=None)[0].astype(np.float64)
+    columns = np.flatnonzero(pivots > NOTHING * pivots.max())
+    K: Array = np.linalg.lstsq(Y[:, columns], Y, rcond=None)[0].astype(np.float64)
     K[np.abs(K) < NOTHING] = 0.0
     units = model.units(robot.parameters)
     symbols = list(units)
-    names = [_sum(K[row], symbols, column) for row, column in enumerate(map(int, kept))]
+    names = [_sum(K[row], symbols, column) for row, column in enumerate(map(int, columns))]
     n = position.shape[1]
 
     def each(unit: str) -> list[str]:
@@ -87,8 +98,8 @@ def find(robot: RobotModel, position: Array, guess: Array) -> BaseParameters:
     friction = [f'{kind}{k}' for kind in ('viscous', 'coulomb') for k in range(1, n + 1)]
     return BaseParameters(
         (*names, *friction),
-        (*(units[symbols[column]] for column in kept), *each('N m s/rad'), *each('N m')),
-        tuple(map(int, kept)),
+        (*(units[symbols[column]] for column in columns), *each('N m s/rad'), *each('N m')),
+        tuple(map(int, columns)),
         K,
         n,
     )

@@ -114,7 +114,9 @@ class Search:
     def quality(self, found: Reference) -> Quality:
         """What a motion shows of the parameters."""
         if self.base is None:
-            self.base = base_parameters.find(self.robot, found.position, found.pose[0])
+            self.base = base_parameters.find(
+                self.robot, [found.position], len(found.position), found.pose[0]
+            )
         Y = self.regressor(found)[..., list(self.base.kept)]
         n = self.base.joints
         viscous = found.velocity[:, :, np.newaxis] * np.eye(n)

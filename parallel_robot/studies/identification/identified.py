@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,10 +17,10 @@ from parallel_robot.studies.identification import (
     unexplained,
 )
 from parallel_robot.studies.identification.base_parameters import BaseParameters
-from parallel_robot.studies.identification.least_squares import Fit
-from parallel_robot.studies.identification.measured_motion import MeasuredMotion
+from parallel_robot.studies.identification.least_squares import Fit, Squares, Uncertainty
+from parallel_robot.studies.identification.measured_motion import Motion
 from parallel_robot.studies.identification.physical_robot import PhysicalRobot
-from parallel_robot.studies.identification.regression_rows import Rows
+from parallel_robot.studies.identification.regression_rows import Rows, SomeRows
 from parallel_robot.studies.identification.unexplained import Unexplained
 from parallel_robot_control import configuration
 from parallel_robot_model.common.arrays import Array
@@ -86,7 +88,8 @@ class Identified:
         fit: Their estimate.
         robot: A physical robot that has them.
         poor: Combinations that the motion hardly shows, with their relative standard errors.
-        rows: Rows of the regression.
+        squares: All rows of the regression, by their squares.
+        rows: Some of them, evenly, see :class:`SomeRows`.
         delay: How much older positions are than torques of the same stamp.
         period: Time between two states [s].
     """
@@ -98,6 +101,7 @@ class Identified:
     fit: Fit
     robot: PhysicalRobot
     poor: list[tuple[str, float]]
+    squares: Squares
     rows: Rows
     delay: Delay
     period: float
@@ -105,7 +109,7 @@ class Identified:
     @property
     def left(self) -> Unexplained:
         """What the fit leaves of the torques."""
-        return unexplained.unexplained(self.rows, self.fit)
+        return unexplained.unexplained(self.squares, self.fit)
 
 
 @dataclass(frozen=True)
@@ -113,8 +117,8 @@ class Prediction:
     """Torques of a run, and how far off the predicted ones are.
 
     Attributes:
-        rows: Rows of the run, with the measured torques.
-        torque: Predicted torques [N m], shape (T, n).
+        rows: Some rows of the run, evenly, with the measured torques.
+        torque: The torques that are predicted of them [N m], shape (T, n).
         error: rms of their error per joint [N m], shape (n,).
         nominal_error: The same of the nominal robot.
         size: rms of the measured torques per joint [N m], shape (n,).
@@ -137,7 +141,7 @@ def nominal_of(log: RunLog) -> Nominal:
     return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
 
 
-def identify(nominal: Nominal, motion: MeasuredMotion, cutoff: float) -> Identified:
+def identify(nominal: Nominal, motion: Motion, cutoff: float) -> Identified:
     """Identify a robot.
 
     Args:
@@ -153,13 +157,15 @@ def identify(nominal: Nominal, motion: MeasuredMotion, cutoff: float) -> Identif
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     friction, sizes = nominal.both_frictions, base_parameters.sizes(nominal.robot)
     before, scale = base.of(nominal.inertia, *friction), base.scale(sizes, *friction)
-    rows, fit, delay = _fit(nominal, base, motion, cutoff, before, scale)
+    regression = _Regression(nominal, base, motion, cutoff)
+    squares, rows, fit, delay = _fit(regression, before, scale)
     robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
     poor = least_squares.poorly_determined(fit, base.names, scale)
-    return Identified(nominal, base, before, scale, fit, robot, poor, rows, delay, motion.period)
+    period = motion.period
+    return Identified(nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period)
 
 
-def predict(found: Identified, motion: MeasuredMotion, guess: Array, cutoff: float) -> Prediction:
+def predict(found: Identified, motion: Motion, guess: Array, cutoff: float) -> Prediction:
     """Predict the torques of a run by the physical robot.
 
     Args:
@@ -173,17 +179,23 @@ def predict(found: Identified, motion: MeasuredMotion, guess: Array, cutoff: flo
     """
     nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
     late = found.delay.value if found.delay.counts else 0.0
-    return compare(found, _rows(nominal, found.base, motion, cutoff, late))
+    some = SomeRows()
+    regression = _Regression(nominal, found.base, motion, cutoff)
+    squares = least_squares.squares_of(some.seen(regression.rows(late)))
+    return _compared(found, squares, some.whole())
 
 
-def compare(found: Identified, rows: Rows) -> Prediction:
-    """Predict the torques of some rows, see :func:`predict`."""
-    torque, before = rows.Y @ found.robot.values, rows.Y @ found.before
+def compare(found: Identified) -> Prediction:
+    """Predict the torques of the run from which the robot was identified."""
+    return _compared(found, found.squares, found.rows)
+
+
+def _compared(found: Identified, squares: Squares, rows: Rows) -> Prediction:
+    values = found.robot.values
     error, nominal_error, size = (
-        least_squares.rms(values, rows.known)
-        for values in (rows.torque - torque, rows.torque - before, rows.torque)
+        squares.rms(each) for each in (values, found.before, np.zeros(len(values)))
     )
-    return Prediction(rows, torque, error, nominal_error, size)
+    return Prediction(rows, rows.Y @ values, error, nominal_error, size)
 
 
 def check_same_robot(first: RunLog, second: RunLog) -> None:
@@ -204,55 +216,63 @@ def check_same_robot(first: RunLog, second: RunLog) -> None:
             )
 
 
-def _rows(
-    nominal: Nominal,
-    base: BaseParameters,
-    motion: MeasuredMotion,
-    cutoff: float,
-    late: float = 0.0,
-) -> Rows:
-    smoothing = nominal.friction.smoothing
-    robot, guess = nominal.robot, nominal.guess
-    return regression_rows.rows(motion, robot, base, guess, smoothing, cutoff, late)
+class _Regression(NamedTuple):
+    """Rows of a run, made anew each time; see :func:`regression_rows.rows`."""
+
+    nominal: Nominal
+    base: BaseParameters
+    motion: Motion
+    cutoff: float
+
+    def rows(self, late: float, step: float = 0.0) -> Iterator[Rows]:
+        """Stretch by stretch."""
+        robot, friction, guess = self.nominal.robot, self.nominal.friction, self.nominal.guess
+        return regression_rows.rows(
+            self.motion, robot, self.base, guess, friction.smoothing, self.cutoff, late, step
+        )
 
 
-def _fit(
-    nominal: Nominal,
-    base: BaseParameters,
-    motion: MeasuredMotion,
-    cutoff: float,
-    before: Array,
-    scale: Array,
-) -> tuple[Rows, Fit, Delay]:
+def _fit(regression: _Regression, before: Array, scale: Array) -> tuple[Squares, Rows, Fit, Delay]:
     """Fit the base parameters, together with a delay of the positions if there is one.
 
     A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
-    linearised in d again and again (Gauss-Newton).
+    linearised in d again and again (Gauss-Newton). The rows are made anew for each d, and once
+    more for the uncertainties.
     """
-    period = motion.period
-    step = 0.1 * period
+    period, parameters = regression.motion.period, len(before)
+    step = 0.1 * period  # the slope is for a period of delay
+    both = np.append(before, 0.0), np.append(scale, 1.0)
     value = 0.0
+    undelayed: Squares | None = None
     for _ in range(ITERATIONS):
-        rows = _rows(nominal, base, motion, cutoff, value)
-        moved = _rows(nominal, base, motion, cutoff, value + step)
-        slope = (rows.torque - moved.torque) / step * period  # for a period of delay
-        both = replace(rows, Y=np.concatenate((rows.Y, slope[..., np.newaxis]), axis=2))
-        fit = least_squares.fit(both, np.append(before, 0.0), np.append(scale, 1.0))
-        change, half = (
-            period * float(each[-1]) for each in (fit.values, fit.interval * fit.standard_errors)
-        )
+        squares = least_squares.squares_of(regression.rows(value, step))
+        undelayed = undelayed or squares
+        found = least_squares.estimate(squares, *both)
+        change = period * float(found.values[-1])
         estimate = float(np.clip(value + change, -LATEST, LATEST))
+        at = value
         if abs(change) < 0.01 * period:
             break
         value = estimate
+    delayed = Uncertainty(found, squares, both[1])
+    some = SomeRows()
+    for rows in some.seen(regression.rows(at, step)):
+        delayed.add(rows)
+    fit = delayed.fit()
+    half = period * float(fit.interval[-1] * fit.standard_errors[-1])
     delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
-    if not delay.counts:
-        rows = _rows(nominal, base, motion, cutoff)
-        return rows, least_squares.fit(rows, before, scale), delay
-    kept = replace(
-        fit,
-        values=fit.values[:-1],
-        covariance=fit.covariance[:-1, :-1],
-        interval=fit.interval[:-1],
-    )
-    return rows, kept, delay
+    if delay.counts:
+        kept = replace(
+            fit,
+            values=fit.values[:-1],
+            covariance=fit.covariance[:-1, :-1],
+            interval=fit.interval[:-1],
+        )
+        return squares.first(parameters), some.whole().first(parameters), kept, delay
+    assert undelayed is not None  # of the first iteration
+    squares = undelayed.first(parameters)
+    plain = Uncertainty(least_squares.estimate(squares, before, scale), squares, scale)
+    some = SomeRows()
+    for rows in some.seen(regression.rows(0.0)):
+        plain.add(rows)
+    return squares, some.whole(), plain.fit(), delay

@@ -8,10 +8,10 @@ Source:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import stats
 
 from parallel_robot.studies.identification.regression_rows import Rows
@@ -35,6 +35,7 @@ class Fit:
         interval: Half widths of 95 % intervals over the standard errors, shape (B,).
         condition: Condition number of the weighted regressor of parameters over their sizes.
         residual: Torques that are not explained, rms of each joint [N m], shape (n,).
+        correlation: Of what is left of the torques in one row and the next, shape (n,).
     """
 
     values: Array
@@ -42,6 +43,7 @@ class Fit:
     interval: Array
     condition: float
     residual: Array
+    correlation: Array
 
     @property
     def standard_errors(self) -> Array:
@@ -49,64 +51,160 @@ class Fit:
         return np.sqrt(np.diag(self.covariance))
 
 
-def fit(rows: Rows, nominal: Array, scale: Array) -> Fit:
+@dataclass(frozen=True)
+class Squares:
+    """Few rows in place of many: with any weights and parameters, their squares are the same.
+
+    Attributes:
+        Y: Regressor, shape (K, n, B).
+        torque: Torques [N m], shape (K, n).
+        together: In how many of the many rows two joints are known, shape (n, n).
+        count: How many rows they stand for.
+        duration: Time that these represent [s].
+    """
+
+    Y: Array
+    torque: Array
+    together: Array
+    count: int
+    duration: float
+
+    def first(self, parameters: int) -> Squares:
+        """The same without the parameters after so many."""
+        return replace(self, Y=self.Y[..., :parameters])
+
+    def rms(self, values: Array) -> Array:
+        """What values of the parameters leave of the torques, rms of each joint, shape (n,)."""
+        left = self.torque - self.Y @ values
+        return np.sqrt((left**2).sum(axis=0) / np.maximum(np.diag(self.together), 1.0))
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Estimates without their uncertainty.
+
+    Attributes:
+        values: Of the parameters, shape (B,).
+        weight: Inverse of the covariance of what is left of the torques, shape (n, n).
+        condition: See :class:`Fit`.
+    """
+
+    values: Array
+    weight: Array
+    condition: float
+
+
+def squares_of(parts: Iterable[Rows]) -> Squares:
+    """Few rows in place of many, part by part: R of a QR decomposition.
+
+    Args:
+        parts: Rows that follow each other; at least one.
+    """
+    R: Array | None = None
+    together, count, duration = np.zeros(()), 0, 0.0
+    for rows in parts:
+        known = rows.known.astype(float)
+        together = together + known.T @ known
+        count, duration = count + len(rows.time), duration + rows.duration
+        flat = np.concatenate([rows.Y.reshape(len(rows.Y), -1), rows.torque], axis=1)
+        flat = flat if R is None else np.concatenate([R, flat])
+        R = np.asarray(np.linalg.qr(flat, mode='r'))
+    assert R is not None
+    n = len(together)
+    return Squares(R[:, :-n].reshape(len(R), n, -1), R[:, -n:], together, count, duration)
+
+
+def estimate(squares: Squares, nominal: Array, scale: Array) -> Estimate:
     """Estimate the base parameters.
 
     Args:
-        rows: Rows of the regression.
+        squares: The rows of the regression.
         nominal: Values that a combination keeps which the motion does not show, shape (B,).
         scale: Sizes of the parameters, shape (B,).
     """
-    Y, error = rows.Y * scale, rows.torque - rows.Y @ nominal
-    floor = FLOOR * np.sqrt(np.mean(rows.torque**2)) + 1e-15
-    weight = np.eye(error.shape[1])
+    Y, error = squares.Y * scale, squares.torque - squares.Y @ nominal
+    n = error.shape[1]
+    floor = FLOOR * np.sqrt(np.sum(squares.torque**2) / (squares.count * n)) + 1e-15
+    weight = np.eye(n)
     for _ in range(ITERATIONS):
         change, condition = _solve(Y, weight, error)
-        left = error - Y @ change
-        spread = _spread(left, rows.known)
-        weight = np.linalg.inv(spread + floor**2 * np.eye(len(spread)))
+        spread = _spread(error - Y @ change, squares.together)
+        weight = np.linalg.inv(spread + floor**2 * np.eye(n))
     change, condition = _solve(Y, weight, error)
-    left = error - Y @ change
-    A = Y.transpose(0, 2, 1) @ weight
-    information = np.einsum('tpi,tiq->pq', A, Y)
-    bread, unknown = _inverse(information)
-    # A row pulls the fit towards itself: its residual is that of a fit without it (jackknife).
-    leverage = Y @ bread @ A
-    without = np.linalg.solve(np.eye(Y.shape[1]) - leverage, left[..., np.newaxis])[..., 0]
-    scores = np.einsum('tpi,ti->tp', A, without)
-    meat, lags = _long_run(scores, rows.stretch)
-    # Few rows say most about a parameter: their effective number counts.
-    pull = ((bread @ A) ** 2).sum(axis=2)
-    share = np.minimum(lags * (pull**2).sum(axis=0) / (pull.sum(axis=0) ** 2 + 1e-300), 1.0)
-    covariance = bread @ meat @ bread + UNKNOWN**2 * unknown
-    degrees = max(int(rows.known.sum()) - len(nominal), 1)
-    return Fit(
-        nominal + scale * change,
-        covariance * np.outer(scale, scale),
-        stats.t.ppf(0.975, degrees) + 2.9694 * share + 0.4160 * share**2,
-        condition,
-        rms(left, rows.known),
-    )
+    return Estimate(nominal + scale * change, weight, condition)
 
 
-def _spread(left: Array, known: NDArray[np.bool_]) -> Array:
+class Uncertainty:
+    """Covariance of an estimate, from one more look at all rows."""
+
+    def __init__(self, found: Estimate, squares: Squares, scale: Array) -> None:
+        """Begin without rows.
+
+        Args:
+            found: The estimate.
+            squares: All rows.
+            scale: Sizes of the parameters, shape (B,).
+        """
+        self._found, self._squares, self._scale = found, squares, scale
+        Y, n, parameters = squares.Y * scale, len(found.weight), len(scale)
+        A = Y.transpose(0, 2, 1) @ found.weight
+        self._bread, self._unknown = _inverse(np.einsum('tpi,tiq->pq', A, Y))
+        self._lags = int(np.ceil(4.0 * (squares.count / 100.0) ** (2.0 / 9.0)))
+        self._meat = np.zeros((parameters, parameters))
+        self._pull, self._pull_squares = np.zeros((2, parameters))
+        self._alike, self._one, self._other = np.zeros((3, n))
+
+    def add(self, rows: Rows) -> None:
+        """Take the next rows, of one stretch; parameters after those of the estimate are left."""
+        Y = rows.Y[..., : len(self._scale)]
+        left = rows.torque - Y @ self._found.values
+        Y = Y * self._scale
+        A = Y.transpose(0, 2, 1) @ self._found.weight
+        # A row pulls the fit towards itself: its residual is that of a fit without it (jackknife).
+        leverage = Y @ self._bread @ A
+        without = np.linalg.solve(np.eye(Y.shape[1]) - leverage, left[..., np.newaxis])[..., 0]
+        self._meat += _long_run(np.einsum('tpi,ti->tp', A, without), self._lags)
+        pull = ((self._bread @ A) ** 2).sum(axis=2)
+        self._pull += pull.sum(axis=0)
+        self._pull_squares += (pull**2).sum(axis=0)
+        pairs = rows.known[1:] & rows.known[:-1]
+        one, other = left[1:] * pairs, left[:-1] * pairs
+        self._alike += (one * other).sum(axis=0)
+        self._one += (one**2).sum(axis=0)
+        self._other += (other**2).sum(axis=0)
+
+    def fit(self) -> Fit:
+        """The estimate with its uncertainty, after all rows."""
+        found, squares, bread, scale = self._found, self._squares, self._bread, self._scale
+        # Few rows say most about a parameter: their effective number counts. Intervals grow with
+        # the share of the lags in all rows (Kiefer, Vogelsang).
+        share = (self._lags + 1) * self._pull_squares / (self._pull**2 + 1e-300)
+        share = np.minimum(share, 1.0)
+        covariance = bread @ self._meat @ bread + UNKNOWN**2 * self._unknown
+        degrees = max(int(np.trace(squares.together)) - len(scale), 1)
+        return Fit(
+            found.values,
+            covariance * np.outer(scale, scale),
+            stats.t.ppf(0.975, degrees) + 2.9694 * share + 0.4160 * share**2,
+            found.condition,
+            squares.rms(found.values),
+            self._alike / np.maximum(np.sqrt(self._one * self._other), 1e-300),
+        )
+
+
+def _spread(left: Array, together: Array) -> Array:
     """Covariance of what is left of the torques [N^2 m^2], shape (n, n).
 
     Joints that stand still at different times are seldom known together. Where the mean over those
     times is no covariance, as of errors that are much alike, that over the times of each joint is.
     """
     total = np.einsum('ti,tj->ij', left, left)
-    together = np.maximum(known.T.astype(float) @ known, 1.0)
+    together = np.maximum(together, 1.0)
     found = total / together
     if np.linalg.eigvalsh(found)[0] > 0.0:
         return np.asarray(found)
     alone = np.diag(together)
     return np.asarray(total / np.sqrt(np.outer(alone, alone)))
-
-
-def rms(values: Array, known: NDArray[np.bool_]) -> Array:
-    """Root mean square of each joint over the rows in which it is known, shape (n,)."""
-    return np.sqrt((values**2 * known).sum(axis=0) / np.maximum(known.sum(axis=0), 1))
 
 
 def poorly_determined(fit: Fit, names: tuple[str, ...], scale: Array) -> list[tuple[str, float]]:
@@ -153,16 +251,10 @@ def _inverse(information: Array) -> tuple[Array, Array]:
     return np.asarray((some / sizes[shown]) @ some.T), np.asarray(none @ none.T)
 
 
-def _long_run(scores: Array, stretch: NDArray[np.int64]) -> tuple[Array, int]:
-    """Covariance of the sum of correlated scores, and how many lags it takes.
-
-    Bartlett's weights, within each stretch. Intervals grow with the share of the lags in all rows
-    (Kiefer, Vogelsang).
-    """
-    lags = int(np.ceil(4.0 * (len(scores) / 100.0) ** (2.0 / 9.0)))
+def _long_run(scores: Array, lags: int) -> Array:
+    """Covariance of the sum of correlated scores of a stretch, with Bartlett's weights."""
     total = scores.T @ scores
-    for lag in range(1, lags + 1):
-        same = stretch[lag:] == stretch[:-lag]
-        cross = (scores[lag:] * same[:, np.newaxis]).T @ scores[:-lag]
+    for lag in range(1, min(lags, len(scores) - 1) + 1):
+        cross = scores[lag:].T @ scores[:-lag]
         total += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
-    return np.asarray(total), lags + 1
+    return np.asarray(total)

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags import gathered_run
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.span import FIRST
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.configuration.groups import group
-from parallel_robot_model.configuration.zero_angles import corrected
-from parallel_robot_sim.plant import PlantParameters
+from parallel_robot_model.common.units import HINGES, JointUnits
 
-COLUMNS = 'position', 'velocity', 'effort', 'reference_velocity', 'answer'  # of a run
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory
 SATURATED = 1.0 - 1e-6  # of the limit of the motors
@@ -55,82 +51,215 @@ class MeasuredMotion:
     @property
     def speed(self) -> Array:
         """rms of the rate of each joint [rad/s], shape (n,)."""
-        step = max(1, min(round(SPAN / self.period), len(self.time) - 1))
-        way = self.position[step:] - self.position[:-step]
-        rate = way / (self.time[step:] - self.time[:-step])[:, np.newaxis]
-        return np.sqrt(np.mean(rate**2, axis=0))
+        speed = _Speed(self.period)
+        speed.add(self)
+        return speed.rms()
+
+    @property
+    def duration(self) -> float:
+        """Time between the first sample and the last one [s]."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def count(self) -> int:
+        """How many samples are usable."""
+        return int(self.usable.sum())
+
+    def windows(self) -> Iterator[MeasuredMotion]:
+        """All of it, at once."""
+        yield self
+
+    def rows(self, some: slice | NDArray[np.bool_]) -> MeasuredMotion:
+        """Some of the samples."""
+        return MeasuredMotion(
+            self.time[some], self.position[some], self.effort[some], self.usable[some]
+        )
 
 
-def read(
-    bag: Path, memory: int = MEMORY, view: BagView = AS_RECORDED
-) -> tuple[RunLog, MeasuredMotion]:
-    """Read a bag.
+class Motion(Protocol):
+    """A motion that may be too long to be held; see :class:`MeasuredMotion`."""
 
-    Args:
-        bag: Directory of the bag, or its MCAP file.
-        memory: What may be held of it [bytes].
-        view: What it does not say itself, and which part is wanted.
+    @property
+    def period(self) -> float:
+        """Time between two samples [s]."""
 
-    Raises:
-        BagError: not a bag of a run, or it holds no torques or no motion.
+    @property
+    def speed(self) -> Array:
+        """rms of the rate of each joint [rad/s], shape (n,)."""
+
+    @property
+    def duration(self) -> float:
+        """Time between the first sample and the last one [s]."""
+
+    @property
+    def count(self) -> int:
+        """How many samples are usable."""
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What is not usable, one line each."""
+
+    def windows(self) -> Iterator[MeasuredMotion]:
+        """Parts that follow each other, from the first one on each time."""
+
+
+class RunMotion:
+    """Motion of a run that may be too long to be held: its windows are read anew each time.
+
+    Attributes:
+        period: As of :class:`MeasuredMotion`, like the others.
     """
-    log, past = gathered_run.read(bag, COLUMNS, memory, True, view)
-    limit = group(log.config, PlantParameters, 'plant').torque_limit
-    try:
-        motion = of(log, past.statuses, np.array(limit))
-    except BagError as error:
-        raise BagError(f'{bag}: {error}') from None
-    return log, replace(motion, position=corrected(log.config, motion.position))
+
+    def __init__(
+        self,
+        first: Iterable[RunLog],
+        again: Callable[[], Iterator[RunLog]],
+        period: float,
+        statuses: Sequence[ControllerStatus],
+        torque_limit: Array,
+        zero: Array | float = 0.0,
+    ) -> None:
+        """Look through the run.
+
+        Args:
+            first: Its windows.
+            again: The same, from the first one on each time.
+            period: Time between two states [s].
+            statuses: Statuses of the controller, in order.
+            torque_limit: Saturation of the motors [N m], shape (n,).
+            zero: Zero angles, which are taken off the positions [rad], shape (n,).
+
+        Raises:
+            BagError: no torque was recorded, or the robot did not move.
+        """
+        self.period, self._again = period, again
+        self._statuses, self._limit, self._zero = statuses, torque_limit, zero
+        states, self.count, self.duration = 0, 0, 0.0
+        bad = {'after a fault': 0, 'motors saturated': 0}
+        moving = np.zeros(len(torque_limit), bool)
+        speed, begin = _Speed(period), None
+        joints: tuple[str, ...] = ()
+        units: JointUnits = HINGES
+
+        def noted() -> Iterator[RunLog]:
+            nonlocal joints, units
+            for log in first:
+                joints, units = log.joints, log.units
+                yield log
+
+        for motion, faulted in self._parts(noted()):
+            begin = motion.time[0] if begin is None else begin
+            self.duration = float(motion.time[-1] - begin)
+            states, self.count = states + len(motion.time), self.count + motion.count
+            bad['after a fault'] += int(faulted.sum())
+            bad['motors saturated'] += int((~motion.usable & ~faulted).sum())
+            moving |= motion.effort.any(axis=0)
+            speed.add(motion)
+        silent = [joint for joint, moves in zip(joints, moving, strict=True) if not moves]
+        if silent:
+            raise BagError(f'the effort of {", ".join(silent)} is zero in every joint state')
+        if states < 2:
+            raise BagError('it holds a single joint state')
+        self.speed = speed.rms()
+        if (self.speed < STILL).all():
+            still = f'{STILL:g} {units.of("rad/s")}'
+            raise BagError(f'the robot stood still: no joint reached {still} (rms)')
+        self.left_out = tuple(f'{n * period:.3g} s: {what}' for what, n in bad.items() if n)
+
+    def windows(self) -> Iterator[MeasuredMotion]:
+        """Parts that follow each other, from the first one on each time."""
+        return (motion for motion, _ in self._parts(self._again()))
+
+    def _parts(self, logs: Iterator[RunLog]) -> Iterator[tuple[MeasuredMotion, NDArray[np.bool_]]]:
+        """Motion in each window, and which of its states were in a fault."""
+        newest = FIRST
+        for log in logs:
+            stamps = log.stamps
+            newest_before = np.maximum.accumulate(np.append(newest, stamps))
+            newer = stamps > newest_before[:-1]
+            newest = newest_before[-1]
+            if not newer.any():
+                continue
+            chosen = slice(None) if newer.all() else newer  # copies nothing
+            effort = log.effort[chosen]
+            faulted = _faulted(stamps[chosen], self._statuses)
+            saturated = (np.abs(effort) >= SATURATED * self._limit).any(axis=1)
+            position = np.asarray(log.position[chosen] - self._zero)
+            usable = ~(faulted | saturated)
+            yield MeasuredMotion(log.time[chosen], position, effort, usable), faulted
 
 
-def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> MeasuredMotion:
-    """What can be used of a run.
+class _Speed:
+    """rms of the rate of each joint over SPAN, window by window."""
 
-    Args:
-        log: The run.
-        statuses: Statuses of the controller, in order.
-        torque_limit: Saturation of the motors [N m], shape (n,).
+    def __init__(self, period: float) -> None:
+        self._step = max(1, round(SPAN / period)) if period > 0.0 else 1
+        self._last: MeasuredMotion | None = None
+        self._squares: Array | float = 0.0
+        self._count = 0
 
-    Raises:
-        BagError: no torque was recorded, or the robot did not move.
+    def add(self, motion: MeasuredMotion) -> None:
+        """Take the next window."""
+        motion = motion if self._last is None else joined(self._last, motion)
+        self._take(motion, self._step)
+        self._last = motion.rows(slice(-self._step, None))
+
+    def _take(self, motion: MeasuredMotion, step: int) -> None:
+        way = motion.position[step:] - motion.position[:-step]
+        rate = way / (motion.time[step:] - motion.time[:-step])[:, np.newaxis]
+        self._squares = self._squares + (rate**2).sum(axis=0)
+        self._count += len(rate)
+
+    def rms(self) -> Array:
+        """The speed, shape (n,)."""
+        if not self._count and self._last is not None:  # shorter than SPAN
+            self._take(self._last, len(self._last.time) - 1)
+        return np.sqrt(self._squares / self._count)
+
+
+def joined(first: MeasuredMotion, second: MeasuredMotion) -> MeasuredMotion:
+    """A part of a motion and the next one."""
+    return MeasuredMotion(
+        np.concatenate([first.time, second.time]),
+        np.concatenate([first.position, second.position]),
+        np.concatenate([first.effort, second.effort]),
+        np.concatenate([first.usable, second.usable]),
+    )
+
+
+def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> RunMotion:
+    """What can be used of a run that is held; arguments and errors as of :class:`RunMotion`."""
+    steps = np.diff(log.time)
+    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    return RunMotion([log], lambda: iter([log]), period, statuses, torque_limit)
+
+
+def stretches(motion: Motion, shortest: int) -> Iterator[MeasuredMotion]:
+    """Parts of a motion without gaps that can be used, each at least `shortest` samples long."""
+    longest = GAP * motion.period
+    kept: MeasuredMotion | None = None
+    for window in motion.windows():
+        *whole, last = _unbroken(window if kept is None else joined(kept, window), longest)
+        yield from (part for part in whole if len(part.time) >= shortest)
+        kept = last
+    if kept is not None and len(kept.time) >= shortest:
+        yield kept
+
+
+def _unbroken(motion: MeasuredMotion, longest: float) -> list[MeasuredMotion]:
+    """Parts without gaps, at most LONGEST samples each; the last one may go on after the motion.
+
+    A sample that cannot be used ends a part; one after a gap begins the next, as its position is
+    known.
     """
-    newer = np.diff(log.stamps, prepend=log.stamps[:1] - 1) > 0
-    newer &= log.stamps >= np.maximum.accumulate(log.stamps)
-    chosen = slice(None) if newer.all() else newer  # copies nothing
-    time, position, effort = log.time[chosen], log.position[chosen], log.effort[chosen]
-    silent = [joint for joint, row in zip(log.joints, effort.T, strict=True) if not row.any()]
-    if silent:
-        raise BagError(f'the effort of {", ".join(silent)} is zero in every joint state')
-    if len(time) < 2:
-        raise BagError('it holds a single joint state')
-    every = np.ones(len(time), bool)
-    if (MeasuredMotion(time, position, effort, every).speed < STILL).all():
-        still = f'{STILL:g} {log.units.of("rad/s")}'
-        raise BagError(f'the robot stood still: no joint reached {still} (rms)')
-    faulted = _faulted(log.stamps[chosen], statuses)
-    saturated = (np.abs(effort) >= SATURATED * torque_limit).any(axis=1)
-    usable = ~(faulted | saturated)
-    lines = []
-    for what, bad in (('after a fault', faulted), ('motors saturated', saturated & ~faulted)):
-        if bad.any():
-            lines.append(f'{bad.sum() * np.median(np.diff(time)):.3g} s: {what}')
-    return MeasuredMotion(time, position, effort, usable, tuple(lines))
-
-
-def stretches(motion: MeasuredMotion, shortest: int) -> list[slice]:
-    """Rows of a recording without gaps that can be used, each at least `shortest` rows long."""
-    period = motion.period
     broken = ~motion.usable
-    broken[1:] |= np.diff(motion.time) > GAP * period
-    # A broken row ends a stretch; one after a gap begins the next, as its position is known.
+    broken[1:] |= np.diff(motion.time) > longest
     found = []
-    edges = np.flatnonzero(broken)
+    edges = np.flatnonzero(broken).tolist()
     for begin, end in zip([0, *edges], [*edges, len(broken)], strict=True):
-        first = begin if begin == 0 or motion.usable[begin] else begin + 1
-        for part in range(first, end, LONGEST):
-            rows = slice(int(part), int(min(part + LONGEST, end)))
-            if rows.stop - rows.start >= shortest:
-                found.append(rows)
+        first = begin if begin == end or motion.usable[begin] else begin + 1
+        cuts = [*range(first, max(end, first + 1), LONGEST), end]
+        found += [motion.rows(slice(*pair)) for pair in itertools.pairwise(cuts)]
     return found
 
 

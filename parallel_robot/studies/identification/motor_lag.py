@@ -10,7 +10,6 @@ with the correlation of what is left from sample to sample.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,29 +77,66 @@ class MotorLag(ShownResult):
 
 def of(log: RunLog) -> MotorLag | None:
     """Lag of the motors of a run; None without commands, measured efforts or enough of both."""
-    if not log.has_efforts or len(log.time) <= FEWEST or len(log.answer) != len(log.time):
-        return None
     steps = np.diff(log.time)
-    period = float(np.median(steps))
-    warm = round(WARM * LONGEST_LAG / period) + LATEST if period > 0.0 else 0
-    known = np.isfinite(log.answer).all(axis=1) & np.isfinite(log.effort).all(axis=1)
-    breaks = ~known[:-1] | ~known[1:] | (np.abs(steps - period) > 1e-3 * period)
-    edges = [-1, *np.flatnonzero(breaks).tolist(), len(steps)]
-    first, last = max(itertools.pairwise(edges), key=lambda pair: pair[1] - pair[0])
-    rows = slice(first + 1, min(last + 1, first + 1 + LONGEST))
-    command, effort = log.answer[rows], log.effort[rows]
-    if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
-        return None
-    tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
-    joints = [*zip(command.T, effort.T, strict=True)]
-    off = np.array([_squares(*joint, tried, period, warm) for joint in joints])
-    delay = int(off.min(axis=1).sum(axis=0).argmin())
-    found = [
-        _nearest(tried, of_joint, delay, *joint, period, warm)
-        for of_joint, joint in zip(off[..., delay], joints, strict=True)
-    ]
-    values, half_widths = np.array(found).T
-    return MotorLag(values, half_widths, delay * period, period)
+    stretch = LongestStretch(float(np.median(steps)) if len(steps) else 0.0)
+    stretch.add(log)
+    return stretch.lag()
+
+
+class LongestStretch:
+    """The longest stretch of a run without a gap, of whose begin the lag is found."""
+
+    def __init__(self, period: float) -> None:
+        """Begin without states; `period` is the time between two [s]."""
+        self._period = period
+        self._last: tuple[float, bool] | None = None  # time of the last state; whether it is known
+        self._parts: list[tuple[Array, Array]] = []  # of the stretch that goes on
+        self._length = self._longest = 0
+        self._kept: list[tuple[Array, Array]] = []
+
+    def add(self, log: RunLog) -> None:
+        """Take the next window."""
+        if not log.has_efforts or len(log.answer) != len(log.time) or not len(log.time):
+            return
+        known = np.isfinite(log.answer).all(axis=1) & np.isfinite(log.effort).all(axis=1)
+        time, before = self._last or (np.nan, False)
+        steps = np.diff(log.time, prepend=time)
+        known_before = np.append(before, known[:-1])
+        broken = ~known | ~known_before | ~(np.abs(steps - self._period) <= 1e-3 * self._period)
+        self._last = float(log.time[-1]), bool(known[-1])
+        bounds = np.unique([0, *np.flatnonzero(broken), len(broken)])
+        longest = int(np.argmax(np.diff(bounds)))
+        for k in sorted({0, longest, len(bounds) - 2}):  # others are neither longer nor go on
+            begin, end = bounds[k : k + 2].tolist()
+            if broken[begin]:
+                self._length, self._parts = 0, []
+            wanted = LONGEST - self._length
+            if wanted > 0:
+                rows = slice(begin, min(end, begin + wanted))  # copied, or all of the window stays
+                self._parts.append((log.answer[rows].copy(), log.effort[rows].copy()))
+            self._length += end - begin
+            if self._length > self._longest:
+                self._longest, self._kept = self._length, [*self._parts]
+
+    def lag(self) -> MotorLag | None:
+        """The lag in what was taken; None without commands, measured efforts or enough of both."""
+        period = self._period
+        if not self._kept or period <= 0.0:
+            return None
+        command, effort = (np.concatenate(each) for each in zip(*self._kept, strict=True))
+        warm = round(WARM * LONGEST_LAG / period) + LATEST
+        if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
+            return None
+        tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
+        joints = [*zip(command.T, effort.T, strict=True)]
+        off = np.array([_squares(*joint, tried, period, warm) for joint in joints])
+        delay = int(off.min(axis=1).sum(axis=0).argmin())
+        found = [
+            _nearest(tried, of_joint, delay, *joint, period, warm)
+            for of_joint, joint in zip(off[..., delay], joints, strict=True)
+        ]
+        values, half_widths = np.array(found).T
+        return MotorLag(values, half_widths, delay * period, period)
 
 
 def _followed(command: Array, lag: float, period: float) -> Array:

@@ -28,8 +28,8 @@ def parts(found: Identified) -> list[Part]:
             interval += f' ({100.0 * half[k] / found.scale[k]:.2g} %)'
         rows.append([name, f'{fit.values[k]:.5g}', interval, f'{found.before[k]:.5g}', unit])
     parts: list[Part] = [
-        f'{found.nominal.robot.name}: {found.rows.duration:.3g} s of motion, '
-        f'{len(found.rows.time)} rows for each joint',
+        f'{found.nominal.robot.name}: {found.squares.duration:.3g} s of motion, '
+        f'{found.squares.count} rows for each joint',
         Table(['base parameter', 'estimate', '95 % interval', 'before', 'unit'], rows, 'lrrrl'),
         f'  {model.NAMES}',
         f'condition number {fit.condition:.4g}',
@@ -84,8 +84,8 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
     known = fit.standard_errors < 0.1 * UNKNOWN * found.scale
     return {
         'robot_model': found.nominal.robot.name,
-        'duration_s': found.rows.duration,
-        'rows': len(found.rows.time),
+        'duration_s': found.squares.duration,
+        'rows': found.squares.count,
         'delay': {
             'estimate_s': found.delay.value,
             'half_width_95_s': found.delay.half_width,

@@ -12,7 +12,8 @@ Source:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -22,7 +23,12 @@ from scipy.signal import firwin, savgol_filter
 
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
-from parallel_robot.studies.identification.measured_motion import STILL, MeasuredMotion, stretches
+from parallel_robot.studies.identification.measured_motion import (
+    STILL,
+    MeasuredMotion,
+    Motion,
+    stretches,
+)
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
 from parallel_robot_model.robots.poses import poses_of
@@ -37,15 +43,16 @@ DOUBT = 0.2  # share of such time above which a row says nothing of friction
 FEWEST = 4  # rows for each parameter
 ROUNDING = 1e-3  # relative, of the highest cut-off frequency: stamps are not exact
 RATIO = 10.0  # samples in a period of the cut-off frequency
+SOME = 10_000  # rows that are kept of any number
+BLOCK = 200  # rows that are made at once: the samples of a stretch have a regressor each
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Y beta = tau at T times, filtered.
+    """Y beta = tau at T times of a stretch without gaps, filtered.
 
     Attributes:
         time: Times [s], shape (T,).
-        stretch: Number of the stretch without gaps, shape (T,).
         Y: Regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is
             not.
         torque: Torques [N m], shape (T, n); zero where `known` is not.
@@ -53,7 +60,6 @@ class Rows:
     """
 
     time: Array
-    stretch: NDArray[np.int64]
     Y: Array
     torque: Array
     known: NDArray[np.bool_]
@@ -65,17 +71,50 @@ class Rows:
             return 0.0
         return float(np.median(np.diff(self.time)) * len(self.time))
 
+    def of(self, some: slice) -> Rows:
+        """Some of the rows."""
+        return Rows(*(getattr(self, name)[some] for name in Rows.__annotations__))
+
+    def first(self, parameters: int) -> Rows:
+        """The same without the parameters after so many."""
+        return replace(self, Y=self.Y[..., :parameters])
+
+
+class SomeRows:
+    """Rows evenly of all, at most SOME: enough to draw them."""
+
+    def __init__(self) -> None:
+        """Begin without rows."""
+        self._parts: list[Rows] = []
+        self._every, self._count, self._kept = 1, 0, 0
+
+    def seen(self, parts: Iterable[Rows]) -> Iterator[Rows]:
+        """The same parts, which are looked at as they pass."""
+        for part in parts:
+            yield part
+            chosen = part.of(slice(-self._count % self._every, None, self._every))
+            self._parts.append(joined([chosen]))  # a copy, or all of the part stays
+            self._count, self._kept = self._count + len(part.time), self._kept + len(chosen.time)
+            while self._kept > SOME:
+                self._parts = [self.whole().of(slice(None, None, 2))]
+                self._every, self._kept = 2 * self._every, len(self._parts[0].time)
+
+    def whole(self) -> Rows:
+        """What was kept."""
+        return joined(self._parts)
+
 
 def rows(
-    motion: MeasuredMotion,
+    motion: Motion,
     robot: RobotModel,
     base: BaseParameters,
     guess: Array,
     smoothing: float,
     cutoff: float = CUTOFF,
     late: float = 0.0,
-) -> Rows:
-    """Make the rows of a recording.
+    step: float = 0.0,
+) -> Iterator[Rows]:
+    """Make the rows of a recording, stretch by stretch.
 
     Args:
         motion: Joints and torques.
@@ -85,6 +124,8 @@ def rows(
         smoothing: Half width of the sign of Coulomb friction [rad/s].
         cutoff: Bandwidth [Hz].
         late: Age of the positions at their stamps, beyond that of the torques [s].
+        step: Difference of that age by which the torques are differentiated [s]: their slope, for
+            a period of age, is one more column of Y; 0: none.
 
     Raises:
         InputError: the cut-off frequency does not fit the period.
@@ -99,54 +140,70 @@ def rows(
     slow = np.maximum(SLOW * motion.speed, STILL)
     window = 2 * max(3, round(0.5 * WINDOW / cutoff / period)) + 1
     taps = 2 * round(0.5 * SUPPORT / cutoff / period) + 1
-    found: list[Rows] = []
+    every = max(1, round(0.5 / cutoff / period))
+    duration, known = 0.0, 0
     for part in stretches(motion, 2 * (window + taps)):
+        ages = (late, late + step) if step else (late,)
         try:
-            smooth = _smoothed(motion, part, period, window, late)
+            smooth = _smoothed(part, period, window, ages)
             pose = poses_of(robot, smooth.position, guess, any_mode=True)
         except KinematicsError as error:
             raise BagError(str(error)) from None
         guess = pose[-1]
-        Y = np.concatenate(
-            [_inertia(robot, base, pose, smooth), _friction(smooth, smoothing, period)], axis=-1
-        )
-        found.append(_filtered(smooth, Y, slow, len(found), taps, cutoff))
-    if not found:
-        raise BagError(_too_little(0.0, motion))
-    joined = Rows(
-        *(np.concatenate([getattr(one, name) for one in found]) for name in Rows.__annotations__)
+        rates = -np.diff(smooth.torque, axis=2) / step * period if step else smooth.torque[..., 1:]
+        pieces = []
+        for first in range(0, len(pose) - taps + 1, BLOCK * every):
+            some = slice(first, first + (BLOCK - 1) * every + taps)
+            piece = smooth.rows(some)
+            columns = [
+                _inertia(robot, base, pose[some], piece),
+                _friction(piece, smoothing, period),
+                rates[some],
+            ]
+            Y = np.concatenate(columns, axis=-1)
+            pieces.append(_filtered(piece, Y, slow, taps, every, cutoff, period))
+        found = joined(pieces)
+        yield found
+        duration, known = duration + found.duration, known + int(found.known.sum())
+    if known < FEWEST * len(base.names):
+        raise BagError(_too_little(duration, motion))
+
+
+def joined(parts: Sequence[Rows]) -> Rows:
+    """Rows that follow each other."""
+    return Rows(
+        *(np.concatenate([getattr(one, name) for one in parts]) for name in Rows.__annotations__)
     )
-    if joined.known.sum() < FEWEST * joined.Y.shape[-1]:
-        raise BagError(_too_little(joined.duration, motion))
-    return joined
 
 
-def highest_cutoff(motion: MeasuredMotion) -> float:
+def highest_cutoff(motion: Motion) -> float:
     """Highest bandwidth for the rate of a recording [Hz]."""
     return 1.0 / (RATIO * motion.period)
 
 
-def base_of(motion: MeasuredMotion, robot: RobotModel, guess: Array) -> BaseParameters:
+def base_of(motion: Motion, robot: RobotModel, guess: Array) -> BaseParameters:
     """Base parameters of a robot at the positions of a recording; `guess` as in :func:`rows`.
 
     Raises:
         BagError: a sample has no pose.
     """
+    positions = (window.position[window.usable] for window in motion.windows())
     try:
-        return base_parameters.find(robot, motion.position[motion.usable], guess)
+        return base_parameters.find(robot, positions, motion.count, guess)
     except KinematicsError as error:
         raise BagError(str(error)) from None
 
 
-def _too_little(duration: float, motion: MeasuredMotion) -> str:
-    whole = motion.time[-1] - motion.time[0]
+def _too_little(duration: float, motion: Motion) -> str:
     why = ''.join(f'; {line}' for line in motion.left_out)
-    return f'too little motion to identify a robot: {duration:.3g} s of {whole:.3g} s{why}'
+    return (
+        f'too little motion to identify a robot: {duration:.3g} s of {motion.duration:.3g} s{why}'
+    )
 
 
 @dataclass(frozen=True)
 class _Smooth:
-    """Motion of a stretch on a regular grid: time (N,), the others (N, n)."""
+    """Motion of a stretch on a regular grid: time (N,), torque (N, n, A), the others (N, n)."""
 
     time: Array
     position: Array
@@ -154,30 +211,37 @@ class _Smooth:
     acceleration: Array
     torque: Array
 
+    def rows(self, some: slice) -> _Smooth:
+        """Some samples."""
+        return _Smooth(*(getattr(self, name)[some] for name in _Smooth.__annotations__))
+
 
 def _smoothed(
-    motion: MeasuredMotion, part: slice, period: float, window: int, late: float
+    part: MeasuredMotion, period: float, window: int, ages: tuple[float, ...]
 ) -> _Smooth:
     """Joints with two derivatives, and the mean torque over one period about each sample.
 
     The effort of a state acted before it, that of the next one after it: their mean belongs to
     the state. In general it is the difference of the integral of the effort. A late position
-    belongs to the torque of the time at which it was measured.
+    belongs to the torque of the time at which it was measured: A torques for A ages.
     """
-    stamps, effort = motion.time[part], motion.effort[part]
+    stamps, effort = part.time, part.effort
     steps = np.diff(stamps)
-    time, position = stamps, motion.position[part]
+    time, position = stamps, part.position
     if np.abs(steps - period).max() > 1e-3 * period:  # jitter, or a lost state
         count = int((stamps[-1] - stamps[0]) / period) + 1
         time = stamps[0] + period * np.arange(count)
         position = CubicSpline(stamps, position)(time)
     impulse = np.zeros_like(effort)
     np.cumsum(effort[1:] * steps[:, np.newaxis], axis=0, out=impulse[1:])
-    torque = np.empty_like(position)
-    for joint, row in enumerate(impulse.T):
-        middle = time - late
-        after, before = (np.interp(middle + side * period, stamps, row) for side in (0.5, -0.5))
-        torque[:, joint] = (after - before) / period
+    torque = np.empty((*position.shape, len(ages)))
+    for k, age in enumerate(ages):
+        middle = time - age
+        for joint, row in enumerate(impulse.T):
+            after, before = (
+                np.interp(middle + side * period, stamps, row) for side in (0.5, -0.5)
+            )
+            torque[:, joint, k] = (after - before) / period
     inner = slice(window // 2 + 1, -(window // 2) - 1)
     fits = (
         savgol_filter(position, window, DEGREE, deriv, period, axis=0)[inner] for deriv in range(3)
@@ -205,23 +269,25 @@ def _friction(smooth: _Smooth, smoothing: float, period: float) -> Array:
 
 
 def _filtered(
-    smooth: _Smooth, Y: Array, slow: Array, number: int, taps: int, cutoff: float
+    smooth: _Smooth,
+    Y: Array,
+    slow: Array,
+    taps: int,
+    every: int,
+    cutoff: float,
+    period: float,
 ) -> Rows:
     """Both sides through the low-pass filter, decimated."""
-    period = float(smooth.time[1] - smooth.time[0])
     low_pass = firwin(taps, cutoff, fs=1.0 / period)
-    every = max(1, round(0.5 / cutoff / period))
 
     def through(values: Array, shape: Array = low_pass) -> Array:
         return np.asarray(sliding_window_view(values, taps, axis=0)[::every] @ shape)
 
     share = np.abs(low_pass) / np.abs(low_pass).sum()
     known = through((np.abs(smooth.velocity) < slow).astype(float), share) < DOUBT
-    time = smooth.time[taps // 2 : len(smooth.time) - taps // 2 : every]
     return Rows(
-        time,
-        np.full(len(time), number),
+        smooth.time[taps // 2 : len(smooth.time) - taps // 2 : every],
         through(Y) * known[..., np.newaxis],
-        through(smooth.torque) * known,
+        through(smooth.torque[..., 0]) * known,
         known,
     )

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot.bags.run_log import RunLog
-from parallel_robot.studies.identification.measured_motion import GAP, SPAN, STILL
+from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
@@ -76,38 +76,76 @@ def of(log: RunLog) -> Rest | None:
 
     At rest, neither the reference nor the robot moves.
     """
-    time = log.time
-    if len(time) < 2:
-        return None
-    steps = np.diff(time)
-    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    count = max(round(SHORTEST / period), 2 * ORDER) if period else 0
-    if not count or len(time) <= count:
-        return None
-    commanded = np.abs(np.nan_to_num(log.reference_velocity)).max(axis=1) > STILL
-    span = max(1, round(SPAN / period))
-    moved = np.abs(log.position[span:] - log.position[:-span]).max(axis=1) > STILL * SPAN
-    moving = commanded.copy()
-    for k in (0, span):  # both ends of a way
-        moving[k : k + len(moved)] |= moved
-    broken = (steps <= 0.0) | (steps > GAP * period)
-    edges = np.flatnonzero(np.diff(moving.astype(int)) != 0) + 1
-    bounds = np.unique([0, len(time), *edges, *(np.flatnonzero(broken) + 1)])
-    phases = [
-        slice(first, stop)
-        for first, stop in itertools.pairwise(bounds.tolist())
-        if stop - first >= count and not moving[first]
-    ]
-    if not phases:
-        return None
-    rows = sum(phase.stop - phase.start for phase in phases)
-    position, velocity = (
-        _noise([values[phase] for phase in phases]) for values in (log.position, log.velocity)
-    )
-    return Rest(rows * period, position, velocity, log.units)
+    steps = np.diff(log.time)
+    still = Resting(float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0)
+    still.add(log)
+    return still.rest()
 
 
-def _noise(parts: list[Array]) -> Array:
-    """Standard deviation of white noise in several stretches, each shape (N, n)."""
-    differences = np.concatenate([np.diff(part, ORDER, axis=0) for part in parts])
-    return np.sqrt(np.mean(differences**2, axis=0) / GAIN)
+class _States(NamedTuple):
+    """States that follow each other: times (N,), the others (N, n)."""
+
+    time: Array
+    position: Array
+    velocity: Array
+    reference_velocity: Array
+
+
+class Resting:
+    """Noise in the phases of rest of a run, window by window.
+
+    Phases are cut after each LONGEST states, whatever the windows are.
+    """
+
+    def __init__(self, period: float) -> None:
+        """Begin without states; `period` is the time between two [s]."""
+        self._period = period
+        self._left: list[_States] = []
+        self._rows = self._differences = 0
+        self._squares: Array | float = 0.0
+        self._units = HINGES
+
+    def add(self, log: RunLog) -> None:
+        """Take the next window."""
+        self._units = log.units
+        self._left.append(_States(*(getattr(log, name) for name in _States._fields)))
+        states = _States(*(np.concatenate(each) for each in zip(*self._left, strict=True)))
+        bounds = [*range(0, len(states.time), LONGEST), len(states.time)]
+        *whole, last = itertools.pairwise(bounds)
+        for begin, end in whole:
+            self._take(_States(*(each[begin:end] for each in states)))
+        self._left = [_States(*(each[slice(*last)] for each in states))]
+
+    def rest(self) -> Rest | None:
+        """The noise in what was taken; None if it has no phase of rest."""
+        for states in self._left:
+            self._take(states)
+        self._left = []
+        if not self._rows:
+            return None
+        position, velocity = np.sqrt(self._squares / self._differences / GAIN)
+        return Rest(self._rows * self._period, position, velocity, self._units)
+
+    def _take(self, states: _States) -> None:
+        time, position, velocity, reference_velocity = states
+        period = self._period
+        count = max(round(SHORTEST / period), 2 * ORDER) if period else 0
+        if not count or len(time) <= count:
+            return
+        steps = np.diff(time)
+        commanded = np.abs(np.nan_to_num(reference_velocity)).max(axis=1) > STILL
+        span = max(1, round(SPAN / period))
+        moved = np.abs(position[span:] - position[:-span]).max(axis=1) > STILL * SPAN
+        moving = commanded.copy()
+        for k in (0, span):  # both ends of a way
+            moving[k : k + len(moved)] |= moved
+        broken = (steps <= 0.0) | (steps > GAP * period)
+        edges = np.flatnonzero(np.diff(moving.astype(int)) != 0) + 1
+        bounds = np.unique([0, len(time), *edges, *(np.flatnonzero(broken) + 1)])
+        for first, stop in itertools.pairwise(bounds.tolist()):
+            if stop - first < count or moving[first]:
+                continue
+            self._rows += stop - first
+            self._differences += stop - first - ORDER
+            both = np.stack([position[first:stop], velocity[first:stop]])
+            self._squares = self._squares + (np.diff(both, ORDER, axis=1) ** 2).sum(axis=1)

@@ -6,9 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.studies.identification import least_squares
-from parallel_robot.studies.identification.least_squares import Fit
-from parallel_robot.studies.identification.regression_rows import Rows
+from parallel_robot.studies.identification.least_squares import Fit, Squares
 from parallel_robot_model.common.arrays import Array
 
 ALIKE = 0.5  # correlation of neighbouring rows; noise that passed the low-pass filter has about 0
@@ -41,14 +39,7 @@ class Unexplained(NamedTuple):
         )
 
 
-def unexplained(rows: Rows, fit: Fit) -> Unexplained:
+def unexplained(squares: Squares, fit: Fit) -> Unexplained:
     """Find what a fit leaves of the torques of its rows."""
-    left = (rows.torque - rows.Y @ fit.values) * rows.known
-    size = least_squares.rms(rows.torque, rows.known)
-    pairs = rows.known[1:] & rows.known[:-1]
-    pairs &= (rows.stretch[1:] == rows.stretch[:-1])[:, np.newaxis]
-    one, other = left[1:] * pairs, left[:-1] * pairs
-    scale = np.sqrt((one**2).sum(axis=0) * (other**2).sum(axis=0))
-    alike = (one * other).sum(axis=0) / np.maximum(scale, 1e-300)
-    share = least_squares.rms(left, rows.known) / np.maximum(size, 1e-300)
-    return Unexplained(share, float(np.median(alike)))
+    size = squares.rms(np.zeros(len(fit.values)))
+    return Unexplained(fit.residual / np.maximum(size, 1e-300), float(np.median(fit.correlation)))
