@@ -6,13 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import delay_identification, faults
+from parallel_robot_control import cycle_memory, delay_identification, faults
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimator import estimator_of
 from parallel_robot_control.place_gradient import asked_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
+from parallel_robot_control.repetition import repetition_of, rows
 from parallel_robot_control.safety import limits_of
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import Boxed, Space, vector
@@ -42,8 +43,8 @@ def assemble(
     Args:
         configuration: The configuration.
         law: Name of its law; empty for the active one.
-        memory: Memory of the Kalman filter, which laws that follow each other share; None: a new
-            one.
+        memory: Memory of the cycle, of :func:`memory_of`, which laws that follow each other
+            share; None: a new one.
 
     Raises:
         InputError: the theory of the law forbids its gains, or a custom law does not compile or
@@ -60,7 +61,7 @@ def assemble(
     limits = Boxed(
         limits_of(configuration.safety, configuration.margins, configuration.loop.period)
     )
-    period = configuration.loop.period
+    period, memory = configuration.loop.period, memory or memory_of(configuration)
     estimator = Boxed(
         estimator_of(
             configuration.estimator,
@@ -89,9 +90,24 @@ def assemble(
             estimator,
             configuration.approach,
             losing(robot, configuration.margins, row, guess),
+            Boxed(
+                repetition_of(
+                    configuration.repetition,
+                    configuration.turn,
+                    configuration.laws[name],
+                    period,
+                    cycle_memory.of_repetition(memory, configuration.joints),
+                )
+            ),
         ),
         initial_state(guess, configuration.joints)._replace(fault=fault),
     )
+
+
+def memory_of(configuration: ControlConfiguration) -> Space:
+    """Memory of the cycle of a controller, before its first state."""
+    row = vector(np.zeros(configuration.joints))
+    return cycle_memory.made_for(row, rows(configuration.turn))
 
 
 def _inertia(configuration: ControlConfiguration) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -15,6 +15,7 @@ from parallel_robot_control.delay_identification import LockInParameters
 from parallel_robot_control.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
+from parallel_robot_control.repetition import RepetitionParameters, turn_of
 from parallel_robot_control.safety import SafetyParameters
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, UnknownNameError
@@ -31,6 +32,7 @@ from parallel_robot_model.robots.registry import RobotModel, module_of, robot_wi
 from trajectory_gen import configuration as motion
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.shapes import shapes
+from trajectory_gen.trajectory import Trajectory
 
 
 class ControllerParameters(NamedTuple):
@@ -60,6 +62,8 @@ class ControlConfiguration(NamedTuple):
         estimator: Where the motion of the joints is known from.
         lock_in: How the age of the states is identified, if it is.
         approach: How the robot joins the desired motion.
+        repetition: What is learned from turn to turn.
+        turn: Samples of a turn; 0 where nothing is learned.
         laws: All laws by name.
         gains: Gains of each law.
     """
@@ -74,6 +78,8 @@ class ControlConfiguration(NamedTuple):
     estimator: EstimatorParameters
     lock_in: LockInParameters
     approach: ApproachParameters
+    repetition: RepetitionParameters
+    turn: int
     laws: Mapping[str, Law]
     gains: Mapping[str, Any]
 
@@ -130,6 +136,7 @@ def declared(robot: Robot, laws: Mapping[str, Law]) -> Declared:
     yield 'estimator', EstimatorParameters
     yield 'lock_in', LockInParameters
     yield 'approach', ApproachParameters
+    yield 'repetition', RepetitionParameters
     yield 'safety', SafetyParameters
     yield 'safety', robot.SafetyMargins
     yield from of_laws(laws)
@@ -148,7 +155,7 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
         guess = groups[ControllerParameters].guess or _first_pose(values)
         nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
-        return control_from(loop, groups, nominal, laws, guess)
+        return control_from(loop, groups, nominal, laws, guess, lambda: trajectory_of(values))
 
 
 def control_from(
@@ -157,6 +164,7 @@ def control_from(
     robot: RobotModel,
     laws: Mapping[str, Law],
     guess: tuple[float, ...],
+    motion: Callable[[], Trajectory],
 ) -> ControlConfiguration:
     """Build the configuration of a controller from typed groups.
 
@@ -166,15 +174,18 @@ def control_from(
         robot: The nominal robot.
         laws: All laws by name.
         guess: Pose from which the first forward kinematics starts.
+        motion: Gives the desired motion, where something is learned from its turns.
 
     Raises:
         UnknownNameError: no such law.
-        InputError: the theory of a law forbids its gains, or the guess is no pose.
+        InputError: the theory of a law forbids its gains, the guess is no pose, or a motion of
+            which is learned does not repeat.
     """
     gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
     for name, law in laws.items():
         judge(name, law, gains[name])
-    controller = groups[ControllerParameters]
+    controller, repetition = groups[ControllerParameters], groups[RepetitionParameters]
+    turn = turn_of(repetition, motion(), loop.period) if repetition.gain else 0
     return ControlConfiguration(
         _with_law(loop, loop.law, laws),
         robot,
@@ -186,6 +197,8 @@ def control_from(
         groups[EstimatorParameters],
         groups[LockInParameters],
         groups[ApproachParameters],
+        repetition,
+        turn,
         laws,
         gains,
     )

@@ -10,7 +10,8 @@ warnings or raises InputError where its theory forbids a set of gains, ``judge_n
 period)``, which returns warnings for noisy rates [rad/s, rms], where that is known,
 ``foreign``, see :class:`Foreign`,
 ``ESTIMATOR``, the kind of estimator that it needs, ``LEVELS``, the time over which this one is to
-find noise and disturbance [s], and ``PLACE = True``, if it needs the place in its feedback. See
+find noise and disturbance [s], ``PLACE = True``, if it needs the place in its feedback, and
+``MODEL = False``, if all of its torque corrects, see repetition.py. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 
 The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in
+from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in, repetition
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
@@ -97,6 +97,7 @@ class ControlSetup(NamedTuple):
         estimator: Estimator, boxed.
         approach: Times over which an offset is faded.
         losing: Faults of the robot at which it has no pose, as bits.
+        repetition: What is learned from turn to turn, boxed.
     """
 
     step: Any
@@ -110,6 +111,7 @@ class ControlSetup(NamedTuple):
     estimator: Any
     approach: ApproachParameters
     losing: int
+    repetition: Any
 
 
 class Limited(NamedTuple):
@@ -451,11 +453,20 @@ def run_cycle(
         )
         feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance, place)
     # 3. The torque that the law asks for; in a fault it is not called.
-    asked = Asked(position, position, position)
+    asked, learned, correction = Asked(position, position, position), zero, zero
+    repeats = setup.repetition
     if sensed.fault == faults.NONE:
         output = setup.step(setup.law, sensed.model, reference, feedback, dt)
         in_vain = told.spell > 0.0 and not told.waits
-        torque = select(in_vain, last.torque, output.torque)
+        demand = output.torque
+        if repeats.on:
+            alone = begun == GOES_ON and every(joined.position == desired.position)
+            learned = repetition.recalled(
+                repeats, when.sample, known, alone, last.takes_over, desired
+            )
+            correction = repetition.correction(repeats, sensed.model, reference, feedback, demand)
+            demand = demand + learned
+        torque = select(in_vain, last.torque, demand)
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
@@ -478,8 +489,14 @@ def run_cycle(
         keep(setup.memory)
     # Also without a filter: a law that comes next may have one.
     cycle_memory.remember(
-        filter_.memory, when.sample, done.torque, tracks, filter_.lag, filter_.period
+        filter_.memory, when.sample, done.torque, learned, tracks, filter_.lag, filter_.period
     )
+    if repeats.on and done.fault == faults.NONE:
+        finds = lock_in.phase(identified, when.sample, zero)
+        believed = done.acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
+        repetition.learn(
+            repeats, when.sample, desired, learned, correction, believed, limits.torque
+        )
     if identified.on:
         lock_in.observe(
             identified,

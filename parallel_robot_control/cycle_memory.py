@@ -1,4 +1,4 @@
-"""Memory of a control cycle, by its address: commands, Kalman filter, checks, lock-in.
+"""Memory of a control cycle, by its address: commands, filter, checks, lock-in, repetition.
 
 What the compiled cycle keeps besides its state lies here, so that little is handed over at a call.
 """
@@ -6,6 +6,8 @@ What the compiled cycle keeps besides its state lies here, so that little is han
 from __future__ import annotations
 
 import math
+
+import numpy as np
 
 from parallel_robot_control import lock_in
 from parallel_robot_model.common.arrays import Array
@@ -16,9 +18,10 @@ SIZE = 128  # torques that are remembered
 # missing [s]; whether it is, see torque_arrival.py; age of the last state [s].
 SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
-ACTING = TORQUE + SIZE  # row where the torques of motors with a lag begin
+ACTING = TORQUE + SIZE  # row where what motors make of the torques of the law begins
 LAGGED = ACTING + SIZE  # row of that torque after the newest of them
-WAYS = LAGGED + 1  # row where those of state_consistency.py begin
+ADDED = LAGGED + 1  # and of what was added to the newest torque of the law, see repetition.py
+WAYS = ADDED + 1  # row where those of state_consistency.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
 APPROACH = MOMENTUM + 5  # of approach.py
@@ -26,15 +29,19 @@ LEVELS = APPROACH + 5  # and of kalman_levels.py
 ROWS = LEVELS + 3
 
 
-def made_for(like: Array) -> Space:
-    """Memory of filter, checks and lock-in for vectors as `like`, shape (n,)."""
-    return Space((ROWS + lock_in.ROWS) * like.size)
+def made_for(like: Array, more: int = 0) -> Space:
+    """Memory of filter, checks and lock-in for vectors as `like`, shape (n,); `more`: rows."""
+    return Space((ROWS + lock_in.ROWS + more) * like.size)
 
 
-def of_lock_in(memory: Space) -> Space:
+def of_lock_in(memory: Space, joints: int) -> Space:
     """The part of the memory that is the lock-in's."""
-    rows = memory.floats.reshape(ROWS + lock_in.ROWS, -1)
-    return Space.within(rows[-lock_in.ROWS :].reshape(-1))
+    return Space.within(memory.floats[ROWS * joints : (ROWS + lock_in.ROWS) * joints])
+
+
+def of_repetition(memory: Space, joints: int) -> Space:
+    """The part of the memory behind it, which is that of repetition.py."""
+    return Space.within(memory.floats[(ROWS + lock_in.ROWS) * joints :])
 
 
 @inner
@@ -50,9 +57,9 @@ def torque_at(memory: int, sample: int, like: Array) -> Array:
 
 
 @inner
-def acting_at(memory: int, sample: int, lag: float, like: Array) -> Array:
-    """What the motors made of the torque of a sample over its period [N m], shape (n,)."""
-    return read_at(memory, select(lag > 0.0, ACTING, TORQUE) + sample % SIZE, like)
+def acting_at(memory: int, sample: int, like: Array) -> Array:
+    """What the motors made of the law's torque over the period of a sample [N m], shape (n,)."""
+    return read_at(memory, ACTING + sample % SIZE, like)
 
 
 @inner
@@ -61,7 +68,7 @@ def acting_after(memory: int, like: Array) -> Array:
 
     The newest command is held.
     """
-    asked = torque_at(memory, newest(memory), like)
+    asked = _newest_of_law(memory, like)
     return asked + (read_at(memory, LAGGED, like) - asked) * (1.0 - math.exp(-1.0))
 
 
@@ -72,11 +79,24 @@ def fill(memory: int, torque: Array) -> None:
         write_at(memory, TORQUE + k, torque)
         write_at(memory, ACTING + k, torque)
     write_at(memory, LAGGED, torque)
+    write_at(memory, ADDED, np.zeros_like(torque))
+
+
+@inner
+def _newest_of_law(memory: int, like: Array) -> Array:
+    """The newest torque without what was added to that of the law [N m], shape (n,)."""
+    return torque_at(memory, newest(memory), like) - read_at(memory, ADDED, like)
 
 
 @inner
 def remember(
-    memory: int, sample: int, torque: Array, tracking: bool, lag: float, period: float
+    memory: int,
+    sample: int,
+    torque: Array,
+    added: Array,
+    tracking: bool,
+    lag: float,
+    period: float,
 ) -> None:
     """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
 
@@ -84,25 +104,28 @@ def remember(
         memory: The memory.
         sample: Index of the sample.
         torque: [N m], shape (n,).
+        added: What of it was added to that of the law [N m], shape (n,).
         tracking: Whether the filter ran at this sample.
         lag: Time constant of the motors [s].
         period: Of the samples [s].
     """
     last = newest(memory)
     if sample > last + 1:
-        held = read_at(memory, TORQUE + last % SIZE, torque)
+        held, of_law = torque_at(memory, last, torque), _newest_of_law(memory, torque)
         for missed in range(max(last + 1, sample - SIZE), sample):
             write_at(memory, TORQUE + missed % SIZE, held)
-            _lag(memory, missed, held, lag, period)
+            _act(memory, missed, of_law, lag, period)
     write_at(memory, TORQUE + sample % SIZE, torque)
-    _lag(memory, sample, torque, lag, period)
+    write_at(memory, ADDED, added)
+    _act(memory, sample, torque - added, lag, period)
     write_at(memory, SAMPLE, float(sample))
     write_at(memory, RUNNING, 1.0 if tracking else 0.0)
 
 
 @inner
-def _lag(memory: int, sample: int, torque: Array, lag: float, period: float) -> None:
+def _act(memory: int, sample: int, torque: Array, lag: float, period: float) -> None:
     """Keep what motors with a lag of first order make of a torque: its mean, and the last."""
+    write_at(memory, ACTING + sample % SIZE, torque)
     if lag > 0.0:
         before, left = read_at(memory, LAGGED, torque), math.exp(-period / lag)
         mean = torque + (before - torque) * ((1.0 - left) * lag / period)

@@ -159,7 +159,8 @@ def estimator_of(
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
-    memory = memory or cycle_memory.made_for(vector(np.zeros(len(parameters.acceleration))))
+    joints = len(parameters.acceleration)
+    memory = memory or cycle_memory.made_for(vector(np.zeros(joints)))
     lock_in_setup = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
 
     def variance(values: PerJoint) -> Array:
@@ -185,7 +186,7 @@ def estimator_of(
             levels_for(parameters, law),
             memory,
         ),
-        lock_in_setup._replace(memory=cycle_memory.of_lock_in(memory)),
+        lock_in_setup._replace(memory=cycle_memory.of_lock_in(memory, joints)),
     )
 
 

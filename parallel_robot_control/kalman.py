@@ -78,7 +78,7 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = cycle_memory.acting_at(kalman.memory, sample - j, kalman.lag, position)
+            torque = cycle_memory.acting_at(kalman.memory, sample - j, position)
             torque = torque - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
@@ -107,7 +107,7 @@ def predicted(
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = cycle_memory.acting_at(kalman.memory, sample - j, kalman.lag, position) - missing
+        torque = cycle_memory.acting_at(kalman.memory, sample - j, position) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
     # 3. And over the lag of the motors, which delays what is asked for now by as much.

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from parallel_robot_control import cycle_memory
-from parallel_robot_control.assembly import assemble
+from parallel_robot_control.assembly import assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
 from parallel_robot_control.prepared_law import renewed
-from parallel_robot_model.compiler import vector
 
 
 class LawCores:
@@ -29,7 +25,7 @@ class LawCores:
             InputError: a law cannot be used.
         """
         self._common, self._wire = common, wire
-        self._memory = cycle_memory.made_for(vector(np.zeros(configuration.joints)))
+        self._memory = memory_of(configuration)
         self._first: LawCore | None = None
         self._made: dict[str, LawCore] = {}  # the newest core of each law
         for law in configuration.laws:

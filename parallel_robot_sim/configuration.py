@@ -112,7 +112,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
         motion.check_columns(values, nominal)
         trajectory = motion.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
-        controller = control.control_from(loop, groups, nominal, laws, guess)
+        controller = control.control_from(loop, groups, nominal, laws, guess, lambda: trajectory)
         return Configuration(
             values, loop, trajectory, controller, _plant_from(loop, robot, groups, values)
         )

@@ -107,6 +107,20 @@ def test_described_machine_and_own_law_give_the_bits_of_simulate(tmp_path):
     np.testing.assert_array_equal(positions, run.position)
 
 
+def test_what_is_learned_from_turn_to_turn_has_the_bits_of_simulate(tmp_path):
+    learning = {
+        'circle.radius': 0.001, 'circle.rate': 20.0 * np.pi, 'repetition.gain': 0.5,
+        'repetition.cutoff': 50.0, 'repetition.wait': 0.02,
+    }  # fmt: skip
+    law = made(tmp_path, 'law', 's_fotsmc', '--scenario', 'paper_circle', *words(learning))
+    plant = made(tmp_path, 'plant', 'paper_circle', *words(learning))
+    run, reference = run_of(**learning)
+    commands, _ = coupled(Unit(law, effort_known=1), Unit(plant), motion(reference))
+    np.testing.assert_array_equal(commands, run.command)
+    without, _ = run_of(**{**learning, 'repetition.gain': 0.0})
+    assert np.abs(without.command - run.command).max() > 0.01
+
+
 def test_law_that_makes_arrays_is_one_line(tmp_path, capsys):
     own = tmp_path / 'slicing_law.py'
     text = (Path(__file__).parents[1] / 'docs' / 'example_law.py').read_text()

@@ -39,7 +39,9 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         found = kalman.predicted(
             filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        cycle_memory.remember(filter_.memory, k, read_row(torques, k, like), True, filter_.lag, T)
+        cycle_memory.remember(
+            filter_.memory, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
+        )
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
         write_row(answers, 3 * k + 2, found.disturbance)

@@ -1,5 +1,6 @@
 """Real nodes in lockstep: nothing hurries, and the bytes are those of the simulation."""
 
+import math
 from contextlib import ExitStack
 
 import pytest
@@ -67,10 +68,14 @@ OLD = {
 }  # fmt: skip
 
 
+LEARNING = {
+    'circle.radius': 0.001, 'circle.rate': 20.0 * math.pi, 'repetition.gain': 0.5,
+    'repetition.cutoff': 50.0, 'repetition.wait': 0.02, 'law': 'lqg_tracking',
+}  # fmt: skip
 SELDOM = {'period': 0.008}  # as drives with 125 Hz; t = 0 is not at 1 s
 
 
-@pytest.mark.parametrize('changes', [IMPERFECT, OLD, SELDOM])
+@pytest.mark.parametrize('changes', [IMPERFECT, OLD, SELDOM, LEARNING])
 def test_an_imperfect_robot_gives_the_bytes_of_the_simulation(changes, launch, domain, tmp_path):
     words = ['paper_circle', '--duration', '0.3', '--out']
     sets = [word for key, value in changes.items() for word in ('--set', f'{key}={value}')]

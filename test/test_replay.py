@@ -86,15 +86,15 @@ def test_limits_and_faults_are_replayed(simulated):
     assert not again(bag).differing.any()
 
 
-def live(directory, script, common=True, skipped=(), says=True, since=0):
+def live(directory, script, common=True, skipped=(), says=True, since=0, given=()):
     """Write the bag of a controller in real time, to which things happen.
 
     `script` maps a state to a function of the controller, called before that state; or to a number
     of milliseconds by which references are late from that state on. States that are `skipped` are
     not answered. A bag of an older version does not say which are; nor had its statuses codes.
-    The recorder comes at the state `since`.
+    The recorder comes at the state `since`. `given` are parameters.
     """
-    changed = {'duration': N * 1e-3, 'safety.state_timeout': 5.0}
+    changed = {'duration': N * 1e-3, 'safety.state_timeout': 5.0, **dict(given)}
     changed['safety.reference_timeout'] = 0.05
     changed['start_stamp'] = -1 if common else 0
     values = config.resolve('paper_circle', changed)
@@ -180,6 +180,26 @@ def test_switches_and_faults_of_a_live_run_are_replayed(tmp_path):
     assert np.array_equal(found.torque, log.command)
     laws = [said.law for said in recording.read(bag).history.statuses]
     assert set(laws) == {'s_fotsmc', 'pid'}
+
+
+LEARNING = {
+    'circle.radius': 0.001, 'circle.rate': 20.0 * np.pi, 'repetition.gain': 0.5,
+    'repetition.cutoff': 50.0, 'repetition.wait': 0.02,
+}  # fmt: skip
+
+
+def test_what_was_learned_from_turn_to_turn_is_replayed(tmp_path):
+    script = {
+        230: switch(law='lqg_tracking'),
+        290: lambda controller: controller.trip(faults.EMERGENCY_STOP),
+        320: lambda controller: controller.clear_fault(),
+    }
+    bag = live(tmp_path / 'bag', script, given=LEARNING)
+    log, past, _ = recording.read(bag)
+    found = again(bag)
+    assert found.known.all() and not found.differing.any()
+    configuration = configure({**log.config, 'repetition.gain': 0.0})
+    assert replayed.again(log, past, configuration).differing[:230].any()
 
 
 def test_a_pose_that_was_told_is_replayed(tmp_path):

@@ -19,6 +19,8 @@ from parallel_robot_model.compiler import kernel, vector
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model
 
+MODEL = False
+
 
 class Gains(NamedTuple):
     """Gains, the same for every joint."""

@@ -13,6 +13,8 @@ from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model
 
+MODEL = False
+
 
 class Gains(NamedTuple):
     """Gains, the same for every joint."""

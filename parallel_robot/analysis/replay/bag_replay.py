@@ -34,7 +34,7 @@ from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration import config
 
 # Beginnings of keys on which torques depend, beside those of the laws.
-GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'safety')
+GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'repetition', 'safety')
 USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
 
 

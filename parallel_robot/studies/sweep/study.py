@@ -24,7 +24,7 @@ FIXED = ('scenario', 'law', 'preset', 'robot_model', 'joints', 'duration', 'seed
 
 
 # Groups of the controller of which a law may have values of its own.
-OF_CONTROLLER = ('approach', 'controller', 'estimator', 'lock_in')
+OF_CONTROLLER = ('approach', 'controller', 'estimator', 'lock_in', 'repetition')
 
 
 @dataclass(frozen=True)
