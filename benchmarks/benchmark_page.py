@@ -12,28 +12,28 @@ HEAD = """\
 # Benchmarks
 
 Written by `make bench`, which runs all of [benchmarks/](../benchmarks) in turn and keeps every
-figure in `runs/bench_DATE.json`. A peer is measured in the same process or in turns, and a ratio
-is that of one round. Each figure is the median of its rounds; with it stand the smallest, the
-largest and how many rounds there were. A target is what we ask of the median.
+figure in `runs/bench_DATE.json`. Each figure is the median of its rounds, behind it in brackets
+the smallest, the largest and the number of rounds; a target is what we ask of the median. A peer
+is measured in the same process or in turns, and a ratio is that of one round.
 """
 TEXTS = {
     'kernels': (
         'Plant and closed loop, beside MuJoCo',
         """\
-Time of a step of 1 ms of the simulated robot, without ROS. The peer is MuJoCo with the same
-robot (three two-link legs held to the platform by constraints), step and viscous friction, in its
-own loop in C, without a controller. *Plant* is the robot alone under a constant torque, with
-Coulomb friction as well, *closed loop* also S-FOTSMC, the estimate of the pose, all limits and
-safety checks and the record of the run. The hour runs second by second: a late one must cost what
-the first did, and memory must not grow.""",
+Time of a step of 1 ms of the simulated robot, without ROS. *Plant* is the robot alone, with
+viscous and dry friction, under a constant torque; *closed loop* adds S-FOTSMC, the estimate of
+the pose, all limits and safety checks and the record of the run. The peer is MuJoCo in its own
+loop in C, without a controller: the same robot, as three two-link legs held to the platform by
+constraints, with the viscous friction alone. An hour is run second by second: neither time nor
+memory may grow.""",
     ),
     'machines': (
         'Machines from descriptions, beside MuJoCo and Pinocchio',
         """\
 Processor time of a call. *Posture and model*: loops closed, M, Q and gravity. `mj_step` steps the
-same machine with soft constraints and without control; Pinocchio computes the accelerations of
-the same joints and contacts, if it is installed. *Simulate* is the whole run of a scenario under
-S-FOTSMC, motion and record included, over the time that it simulates.""",
+same machine with soft constraints and without control. Pinocchio, if it is installed, computes
+the accelerations of the same joints and contacts. *Simulate, real time* is simulated over spent
+time of a whole run under S-FOTSMC, motion and record included.""",
     ),
     'calibration': (
         'Calibration',
@@ -44,21 +44,21 @@ S-FOTSMC, motion and record included, over the time that it simulates.""",
     'reading': (
         'Reading a bag',
         """\
-From a bag on disk to aligned arrays. The peer is `AnyReader` of rosbags with `deserialize()` of
-each message of the same topics, without keeping them. A ratio below 1 is faster.""",
+From a bag on disk to aligned arrays. The peer, `AnyReader` of rosbags, only deserialises the
+messages of the same topics.""",
     ),
     'length': (
         'Long runs',
         """\
-Processor time and largest resident memory of commands on an hour of motion at 1 kHz, each a
-process of its own, its start included.""",
+Processor time and largest resident memory of commands on an hour of motion at 1 kHz, start
+included.""",
     ),
     'sweep': (
         'Sweeps',
         """\
 1000 runs of 12 s of motion, with uncertain masses and friction, start of the workers and summary
-included, are to take 15 s on two idle cores. Each sample has its limit computed, once for all
-laws; here there is one law, so that each run pays for one.""",
+included, are to take 15 s on two idle cores. The limit of each sample is computed once for all
+laws; with one law, as here, each run pays for one.""",
     ),
     'laws': (
         'Control laws',
@@ -69,8 +69,8 @@ published command. The loop has 1000 us.""",
     'estimators': (
         'Kalman filter',
         """\
-Processor time of one control cycle on the recorded states of a run, S-FOTSMC with all limits and
-checks, in a compiled loop. States 3 ms late are predicted over three more periods.""",
+Processor time of one control cycle under S-FOTSMC with all limits and checks, in a compiled loop
+over recorded states. States 3 ms late are predicted over three more periods.""",
     ),
     'player': (
         'Player',
@@ -81,11 +81,17 @@ checks, in a compiled loop. States 3 ms late are predicted over three more perio
         'Nodes, beside an empty twin',
         """\
 The four nodes, and in turns four processes that exchange messages of the same size and compute
-nothing. [benchmarks/README.md](../benchmarks/README.md#the-nodes-beside-an-empty-twin) says what
-each figure means.""",
+nothing ([what each figure means](../benchmarks/README.md#the-nodes-beside-an-empty-twin)).""",
     ),
 }
 BESIDE = {  # figures of one thing that stand in one row: the ends of their names
+    'calibration': (
+        ', truths in their 95 % intervals',
+        ', true error before',
+        ', true error after 40 poses',
+        ', the same, worst robot',
+    ),
+    'length': ('', ', memory'),
     'laws': (', kernel', ', node, bytes to command'),
     'nodes': ('', ', times the twin'),
 }
@@ -101,8 +107,7 @@ def page(found: dict[str, Any]) -> str:
     for name, outcome in found['benchmarks'].items():
         title, text = TEXTS[name]
         words = ' '.join(['.venv/bin/python', f'benchmarks/{name}.py', *outcome['arguments']])
-        rows, ends = outcome['rows'], BESIDE.get(name)
-        figures = table_beside(rows, ends) if ends else table(rows)
+        figures = table(outcome['rows'], BESIDE.get(name, ('',)))
         parts.append(f'## {title}\n\n{text}\n\n{figures}\n\n`{words}`\n')
     return '\n'.join(parts)
 
@@ -118,18 +123,8 @@ def machine(found: dict[str, Any]) -> str:
     )
 
 
-def table(rows: list[Row]) -> str:
-    """Figures as a table."""
-    lines = ['| figure | median | smallest - largest | rounds | target |', '|---|---|---|---|---|']
-    for row in rows:
-        median, span, verdict = cells(row)
-        span = span if row['count'] > 1 else ''
-        lines.append(f'| {row["name"]} | {median} | {span} | {row["count"]} | {verdict} |')
-    return '\n'.join(lines)
-
-
-def table_beside(rows: list[Row], ends: tuple[str, ...]) -> str:
-    """Figures of one thing as one row: the median, with its spread and rounds.
+def table(rows: list[Row], ends: tuple[str, ...]) -> str:
+    """Figures of one thing as one row: the median, with its spread, rounds and verdict.
 
     Args:
         rows: Figures.

@@ -312,7 +312,7 @@ def section(found: Sequence[Cell], laws: Sequence[str]) -> str:
     for what, group in itertools.groupby(wrong, key=lambda pair: pair[0].what):
         some, texts = zip(*group, strict=True)
         names = ', '.join(f'`{law}`' for law in dict.fromkeys(cell.law for cell in some))
-        lines.append(f'- `{what}`, {len(some)} runs of {names}: {"; ".join(dict.fromkeys(texts))}')
+        lines.append(f'- `{what}`, {len(some)} runs of {names}: {page.joined(texts)}')
     return '\n'.join(lines)
 
 

@@ -1,6 +1,6 @@
 """The loop for ten minutes with its recorder: memory, rate, losses.
 
-Usage: python benchmarks/soak.py [--duration SECONDS] [--json FILE]
+Usage: python benchmarks/soak.py [--duration SECONDS]
 
 Writes its section of docs/safety.md when the duration is at least the default. The exit code
 is 1 when memory grows, a state is missing, or a message is lost.

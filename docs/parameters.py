@@ -20,17 +20,15 @@ from parallel_robot_sim.parameter_groups import groups
 HEAD = """# Parameters
 
 Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
-(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults, with
-their units, are those of `paper_circle`; [other robots](robots.md) have other groups `robot`,
-limits and margins. A number in place of a list is for all joints; joints that are slides have m
-and N where rad and N m stand here, as `show` says. [nodes.md](nodes.md) says what
-can be [changed while the loop runs](nodes.md#switched-while-the-robot-moves). This file is written
-by `make docs`.
+(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
+those of `paper_circle`; [other robots](robots.md) have other groups `robot`, limits and margins.
+One number for a list is for all its entries, as for all joints; joints that are slides have m and
+N where rad and N m stand here. What can be changed while the loop runs:
+[nodes.md](nodes.md#switched-while-the-robot-moves). `make docs` writes this file.
 
-`ros2 param load` takes what `ros2 param dump` wrote of the same node: a fixed parameter that keeps
-its value is no change. On a busy machine a request may get no answer ("client will not receive
-response" in the log), as the middleware drops one whose receiver it has not found within 0.1 s:
-call again.
+`ros2 param load` takes what `ros2 param dump` wrote of the same node. On a busy machine a request
+may get no answer ("client will not receive response" in the log), as the middleware drops one
+whose receiver it has not found within 0.1 s: call again.
 """
 DESCRIBED = [('robot', Described), ('safety', SafetyMargins), ('trajectory', MotionLimits)]
 LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
@@ -72,16 +70,15 @@ def _gains(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
     laws_of: dict[Any, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     for law, group in members:
         for gain in parameters(group):
-            default = _default(values[f'{law}.{gain.key}'], gain)
-            row = gain.key, _range(gain) or ', '.join(_words(gain)), _meaning(gain)
-            laws_of[row][default].append(f'`{law}`')
+            default = _limited(values[f'{law}.{gain.key}'], gain)
+            laws_of[gain.key, _meaning(gain)][default].append(f'`{law}`')
     rows = [
         'A key is law and gain, as `smc.G`.\n\n'
-        '| gain | default, law | range | meaning |\n|---|---|---|---|\n'
+        '| gain | default, range: laws | meaning |\n|---|---|---|\n'
     ]
-    for (gain, *about), laws in sorted(laws_of.items(), key=lambda row: row[0][0].lower()):
+    for (gain, meaning), laws in sorted(laws_of.items(), key=lambda row: row[0][0].lower()):
         by_default = '; '.join(f'{default}: {", ".join(of)}' for default, of in laws.items())
-        rows.append(_row(f'`{gain}`', by_default, *about))
+        rows.append(_row(f'`{gain}`', by_default, meaning))
     return ''.join(rows)
 
 
@@ -117,6 +114,8 @@ def _plain(value: Any) -> str:
         return f'{value:.10g}'
     if isinstance(value, list) and len(value) > LONGEST_LIST:
         return f'[{_plain(value[0])}, ...], {len(value)} numbers'
+    if isinstance(value, list) and len(value) > 1 and value.count(value[0]) == len(value):
+        return _plain(value[0])
     if isinstance(value, list):
         return f'[{", ".join(map(_plain, value))}]'
     return str(value).lower() if isinstance(value, bool) else str(value) or "''"

@@ -125,6 +125,22 @@ def test_a_row_of_the_table_says_what_failed():
     assert page.ridden_through(several).endswith(' N m: 5, 10 ms late; none.')
 
 
+def test_faults_that_led_to_the_same_are_one_row_of_the_worst():
+    first = Outcome('a step by -0.1 s', 'fault: late', 0.02, 1.2, 3.0, ())
+    second = first._replace(fault='a step by -10 s', worst=0.01, recovery=1.5, torque=4.0)
+    other = first._replace(fault='a step by +10 s', reaction='fault: ahead')
+    failed = first._replace(fault='a step by -20 s', recovery=None, failures=('it ended',))
+    rows = page.together([first, other, second, failed])
+    assert rows == [
+        Outcome('a step by -0.1, -10 s', 'fault: late', 0.02, 1.5, 4.0, ()), other, failed,
+    ]  # fmt: skip
+    assert page.together([first, second._replace(recovery=None)])[0].recovery is None
+    text = page.faults([first, other, second, failed], [])
+    assert '| a step by -0.1, -10 s | fault: late | 20.0 mm | 1.50 s | 4.0 N m |' in text
+    assert text.endswith('happened: a step by -20 s.')
+    assert page.joined(['1.7 times', 'no', '1.7 times', '2.5 times']) == '1.7, 2.5 times; no'
+
+
 def test_a_section_is_written_without_touching_the_others(tmp_path):
     path = tmp_path / 'page.md'
     path.write_text(

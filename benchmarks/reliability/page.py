@@ -12,7 +12,7 @@ from reliability.endurance import Soak
 from reliability.judging import BOUND, Outcome
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
-
+NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?')
 
 HEAD = f"""\
 | fault | reaction | worst error | below {1e3 * BOUND:g} mm again after | torque |
@@ -30,7 +30,7 @@ def faults(outcomes: Sequence[Outcome], changed: Sequence[str]) -> str:
     condition = f' with {", ".join(f"`{pair}`" for pair in changed)}' if changed else ''
     brief = [outcome._replace(reaction=said(outcome)) for outcome in outcomes]
     quiet = [outcome for outcome in brief if is_quiet(outcome)]
-    rows = [row(outcome) for outcome in brief if outcome not in quiet]
+    rows = [row(outcome) for outcome in together([each for each in brief if each not in quiet])]
     lines = [f'Measured{condition} on {machine()}.\n', HEAD.rstrip(), *rows]
     if quiet:
         lines += ['', ridden_through(quiet)]
@@ -54,16 +54,36 @@ def is_quiet(outcome: Outcome) -> bool:
     return outcome.reaction == 'ridden through' and outcome.worst < BOUND and not outcome.failures
 
 
+def together(outcomes: Sequence[Outcome]) -> list[Outcome]:
+    """One row, of the worst figures, for faults that differ in a number and led to the same."""
+    kinds: dict[tuple[str, str, tuple[str, ...]], list[Outcome]] = {}
+    for outcome in outcomes:
+        kind = NUMBER.sub('#', outcome.fault, count=1)
+        kinds.setdefault((kind, outcome.reaction, outcome.failures), []).append(outcome)
+    rows = []
+    for (_, reaction, failures), some in kinds.items():
+        name = joined([each.fault for each in some])
+        times = [each.recovery for each in some if each.recovery is not None]
+        recovery = max(times) if len(times) == len(some) else None
+        worst, torque = max(each.worst for each in some), max(each.torque for each in some)
+        rows.append(Outcome(name, reaction, worst, recovery, torque, failures))
+    return rows
+
+
+def joined(texts: Sequence[str]) -> str:
+    """Texts in one line; those that differ in their first number alone become one."""
+    kinds: dict[str, list[str]] = {}
+    for text in dict.fromkeys(texts):
+        number = NUMBER.search(text)
+        kinds.setdefault(NUMBER.sub('#', text, count=1), []).append(number[0] if number else '')
+    return '; '.join(kind.replace('#', ', '.join(numbers)) for kind, numbers in kinds.items())
+
+
 def ridden_through(quiet: Sequence[Outcome]) -> str:
-    """The faults of which nothing came, in one sentence; those that differ in a number as one."""
+    """The faults of which nothing came, in one sentence."""
     worst = length(max(outcome.worst for outcome in quiet))
     torque = max(outcome.torque for outcome in quiet)
-    kinds: dict[str, list[str]] = {}
-    for outcome in quiet:
-        number = re.search(r'\d+', outcome.fault)
-        kind = re.sub(r'\d+', '#', outcome.fault, count=1)
-        kinds.setdefault(kind, []).append(number[0] if number else '')
-    names = '; '.join(kind.replace('#', ', '.join(numbers)) for kind, numbers in kinds.items())
+    names = joined([outcome.fault for outcome in quiet])
     return f'Ridden through with at most {worst} and {torque:.1f} N m: {names}.'
 
 
@@ -83,7 +103,8 @@ def row(outcome: Outcome) -> str:
 def soak(found: Soak) -> str:
     """The section of the long run."""
     lines = [
-        f'Measured on {machine()}: {found.duration:g} s of motion.\n',
+        f'Measured on {machine()}: {found.duration:g} s of motion. Memory: after the first minute,'
+        ' and by how much it has grown at the end.\n',
         '| figure | value |',
         '|---|---|',
         f'| states in the bag | {found.states} of {found.expected} |',
@@ -94,8 +115,7 @@ def soak(found: Soak) -> str:
     ]
     for name, memory in found.memory.items():
         grown = f'{memory.growth / 2**20:+.2f} MB'
-        size = f'{memory.first / 2**20:.1f} MB after the first minute'
-        lines.append(f'| memory of {name} | {size}, {grown} until the end |')
+        lines.append(f'| memory of {name} | {memory.first / 2**20:.1f} MB, {grown} |')
     verdict = '; '.join(found.failures) or 'Nothing grew, nothing was lost.'
     return '\n'.join([*lines, '', verdict])
 
