@@ -82,6 +82,9 @@ class Foreign(Protocol):
     def judge_period(self, period: float) -> None:
         """Refuse a period [s] that is not the law's, by an InputError."""
 
+    def choose(self, memory: Any, gains: Any) -> None:
+        """Have gains for one who asks with an initial memory."""
+
     def begin(self) -> None:
         """Have a process for a new run."""
 

@@ -106,8 +106,11 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     warnings = judge(name, law, gains)
     if not hasattr(law.update, 'py_func'):
         raise InputError(f'{name}: update is not compiled: put @kernel before it')
+    foreign: Foreign | None = getattr(law, 'foreign', None)
     try:
         memory = law.initial_memory(joints)
+        if foreign is not None:
+            foreign.choose(memory, gains)
         distinguish(type(gains), type(memory))
         typeof(memory)
     except InputError as error:
@@ -127,7 +130,6 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         fits = False
     if not fits:
         own = _with_arrays(name, law, parts, joints)
-    foreign: Foreign | None = getattr(law, 'foreign', None)
     if name not in LAWS and foreign is None:
         warnings += law_trial.warnings_of(name, law, gains, joints)
     step = own.erased(ANY)

@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import faults
+from parallel_robot.studies.tuning.space import space_of
+from parallel_robot_control import faults, law_loader
+from parallel_robot_control.configuration import resolve
+from parallel_robot_control.foreign.law import ForeignLaw
+from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import fields
 from parallel_robot_sim.scenario_run import simulate
 
 SHORT = 0.1  # s
@@ -92,6 +97,49 @@ def test_names_and_parameters_come_from_the_file_beside(folder, taken):
     assert not np.array_equal(run_of(taken).command, own.command)
 
 
+@pytest.mark.parametrize('fmi', [2, 3])
+def test_its_parameters_are_gains_where_the_file_beside_says_so(tmp_path, fmi):
+    tuned = made(tmp_path, 'tuned', 's_fotsmc', '--fmi', str(fmi))
+    tuned.with_suffix('.yaml').write_text('gains: {G: s_fotsmc.G, rate: s_fotsmc.lambda}\n')
+    for given in ({}, {'G': 3.0, 'rate': 20.0}, {'rate': 25}, {}):
+        own = {f's_fotsmc.{"lambda" if key == "rate" else key}': v for key, v in given.items()}
+        wanted = simulate('paper_circle', law='s_fotsmc', duration=SHORT, **own)
+        found = run_of(tuned, **{f'tuned.{key}': value for key, value in given.items()})
+        np.testing.assert_array_equal(found.command, wanted.command)
+    with pytest.raises(InputError, match=r'tuned\.G must be .*, not -1'):
+        run_of(tuned, **{'tuned.G': -1.0})
+
+
+def test_its_gains_have_the_limits_and_texts_of_the_fmu(tmp_path, taken):
+    file = tmp_path / 'described.fmu'
+    file.write_bytes(taken.read_bytes())
+    file.with_suffix('.yaml').write_text('gains: {G: s_fotsmc.G}\n')
+    _, law = law_loader.load(str(file))
+    _, gain = fields.parameters(law.Gains)
+    own = next(each for each in fields.parameters(s_fotsmc.Gains) if each.key == 'G')
+    assert (gain.key, gain.field.unit) == ('G', own.field.unit)
+    assert (gain.field.low, gain.field.high) == (own.field.low, own.field.high)
+    values = resolve('paper_circle', {'custom_laws': [str(file)]})
+    assert values['described.G'] == values['s_fotsmc.G']
+    assert [*space_of('described', law, values).varied] == ['G']  # not how long it may take
+
+
+def test_a_process_that_was_ended_has_its_gains_again(tmp_path, taken, monkeypatch):
+    file = tmp_path / 'ended.fmu'
+    file.write_bytes(taken.read_bytes())
+    file.with_suffix('.yaml').write_text('gains: {G: s_fotsmc.G}\n')
+    first = run_of(file, **{'ended.G': 3.0})
+    begin = ForeignLaw.begin
+
+    def begin_after_its_end(law):
+        law._channel._process.kill()
+        law._channel._process.wait()
+        begin(law)
+
+    monkeypatch.setattr(ForeignLaw, 'begin', begin_after_its_end)
+    np.testing.assert_array_equal(run_of(file, **{'ended.G': 3.0}).command, first.command)
+
+
 def test_a_fault_of_its_own_is_one_here(tmp_path):
     slow = made(tmp_path, 'slow', 's_fotsmc', '--set', 'safety.speed_limit=0.01')
     _, told = run_of(slow).fault
@@ -137,6 +185,12 @@ def test_what_it_says_of_a_failure_is_told(tmp_path, taken):
         ('parameters: {s_fotsmc.Gg: 1}', "unknown parameter of .* 's_fotsmc.Gg'; did you mean"),
         ('parameters: {s_fotsmc.G: x}', 'parameters.s_fotsmc.G must be a number'),
         ('parameters: {s_fotsmc.G: -1}', 'must be from 0 to inf, not -1'),
+        ('gains: {G: s_fotsmc.Gg}', "unknown parameter of .*'s_fotsmc.Gg'; did you mean"),
+        ('gains: {G: 3}', 'gains.G must be the name of a parameter, not 3'),
+        ('gains: {limit: s_fotsmc.G}', 'gains.limit: limit cannot be the name of a gain'),
+        ('gains: {lambda: s_fotsmc.G}', 'lambda cannot be the name of a gain'),
+        ('gains: {joins: joins}', 'joins is no gain: it is not one number of type Real'),
+        (f'gains: {{{", ".join(f"g{k}: s_fotsmc.G" for k in range(11))}}}', 'at most 10 param'),
         ('step: -1', "unknown key 'step'"),
         ('- a', 'must hold keys and values'),
     ],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import math
+from collections.abc import Sequence
 from ctypes import POINTER, byref, c_double, c_int32
 from pathlib import Path
 from typing import Any
@@ -100,7 +101,7 @@ class CLaw:
         self._input = _Input(joints, 0, 0.0, *(_row(question, place) for place in places))
         self._output = _Output(*(_row(answer, k * joints) for k in range(exchange.FAULT)))
 
-    def update(self, begins: bool, dt: float) -> float:
+    def update(self, begins: bool, dt: float, _: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`."""
         self._input.begins, self._input.dt = begins, dt
         return float(self._update(byref(self._input), byref(self._output)))

@@ -54,6 +54,7 @@ class Channel:
         self.space = Space(self._begin + words)
         self._sizes = exchange.answer(joints) * exchange.WORD
         self._fault = self._begin + exchange.FAULT * joints
+        self._chosen: dict[int, tuple[float, ...]] = {}
         self._owner = 0
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
@@ -77,10 +78,28 @@ class Channel:
             )
         self._socket, self._owner = ours, os.getpid()
         said = self._first_words(ours)
+        for session in self._chosen:
+            self._tell(session)
         self.period, self.multiples = float(said['period']), bool(said['multiples'])
         floats = self.space.floats
         floats[[DESCRIPTOR, GOT]] = ours.fileno(), self._sizes
         floats[POLLED : POLLED + 1].view(np.int32)[:] = ours.fileno(), select.POLLIN
+
+    def choose(self, session: int, gains: tuple[float, ...]) -> None:
+        """Have gains of the law itself for one who asks.
+
+        Args:
+            session: Its number.
+            gains: In the order of the law; at most exchange.MOST_GAINS.
+        """
+        self._chosen[session] = gains
+        self.ready()
+        self._tell(session)
+
+    def _tell(self, session: int) -> None:
+        assert self._socket is not None
+        with contextlib.suppress(ConnectionError):  # why it has ended is told at the next question
+            self._socket.send(exchange.told_gains(session, self._chosen[session]))
 
     def _first_words(self, ours: socket.socket) -> dict[str, Any]:
         """What the process says of the law that it has loaded.

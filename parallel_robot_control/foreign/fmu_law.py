@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import zipfile
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from parallel_robot_control.foreign import names
@@ -88,6 +88,9 @@ class FmuLaw:
                 raise InputError(
                     f'parameters.{variable.name} has {_size(variable)} numbers, not {count}'
                 )
+        gains = names.given(task['names'], 'gains')
+        self._gains = [self._of(gain['variable'], 'parameter', FLOATS) for gain in gains.values()]
+        self._chosen = [gain['start'] for gain in gains.values()]
         fmpy.extract(self._file, task['folder'])
         os.chdir(task['folder'])  # where it may write
         self._said = ''
@@ -99,13 +102,15 @@ class FmuLaw:
         self._used = False
         self._initialise()
 
-    def update(self, begins: bool, dt: float) -> float:
+    def update(self, begins: bool, dt: float, gains: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`.
 
         It steps over the time since the last state, with its new inputs in the last period.
         """
         if begins:
-            if self._used:
+            chosen = [*gains] or self._chosen
+            if self._used or chosen != self._chosen:
+                self._chosen = chosen
                 self._call(self._unit.reset)
                 self._initialise()
             self._used = True
@@ -134,6 +139,8 @@ class FmuLaw:
         unit, self._time = self._unit, 0.0
         for variable, value in self._parameters:
             self._put([variable], value if isinstance(value, list) else [value])
+        for variable, number in zip(self._gains, self._chosen, strict=True):
+            self._put([variable], [number])
         if not self._third:
             self._call(unit.setupExperiment, startTime=0.0)
         self._call(unit.enterInitializationMode)

@@ -11,6 +11,7 @@ from typing import Any
 
 from parallel_robot_control.foreign import exchange
 from parallel_robot_control.foreign.channel import Channel
+from parallel_robot_control.foreign.gains import class_of
 from parallel_robot_control.foreign.update import Gains, Memory, update
 from parallel_robot_model.common.errors import InputError
 
@@ -25,9 +26,8 @@ class ForeignLaw:
 
     Attributes:
         path: Its file.
+        Gains: The class of its gains.
     """
-
-    Gains = Gains
 
     def __init__(
         self, path: str, sha256: str, names: Mapping[str, Any] = MappingProxyType({})
@@ -40,6 +40,7 @@ class ForeignLaw:
             names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.names`.
         """
         self.path, self.sha256, self.names = path, sha256, names
+        self.Gains = class_of(names.get('gains', {}), f'foreign_{_digest(sha256, names)}')
         self.update = update
         self._channel: Channel | None = None
 
@@ -58,6 +59,12 @@ class ForeignLaw:
         self._channel = _channels[key]
         self._channel.ready()
         return Memory(int(self._channel.space), next(_sessions), 0)
+
+    def choose(self, memory: Memory, gains: Any) -> None:
+        """Have gains for one who asks; those that its own parameters are go to its process."""
+        own = gains[len(Gains._fields) :]
+        if own and self._channel:
+            self._channel.choose(memory.session, own)
 
     def _check(self) -> None:
         """Refuse another file than the one that was named.
@@ -98,3 +105,8 @@ class ForeignLaw:
     def failure(self, gains: Any) -> str:
         """Why the last update gave no torque; empty if that is not known."""
         return self._channel.failure(gains.limit) if self._channel else ''
+
+
+def _digest(sha256: str, names: Mapping[str, Any]) -> str:
+    """By what laws are told apart."""
+    return hashlib.sha256(f'{sha256}{names!r}'.encode()).hexdigest()[:16]

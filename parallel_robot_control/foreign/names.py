@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_control.foreign import exchange
+from parallel_robot_control.foreign import exchange, gains
+from parallel_robot_control.foreign.update import Gains
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import yaml_file
 
@@ -31,7 +33,7 @@ RESULTS = {  # of the answer
 }
 INPUTS = (*ROWS, *DIFFERENCES)
 OUTPUTS = (*RESULTS, 'fault')
-GROUPS = ('inputs', 'outputs', 'parameters')
+GROUPS = ('inputs', 'outputs', 'parameters', 'gains')
 STEP = 'step'  # s, where the one that the FMU names is not meant
 
 
@@ -48,7 +50,8 @@ def beside(path: Path) -> dict[str, Any]:
         path: The FMU.
 
     Returns:
-        Group to name in the suite to what the FMU calls it; of parameters, name to value.
+        Group to name in the suite to what the FMU calls it; of parameters, name to value; of
+        gains, see :func:`parallel_robot_control.foreign.gains.described`.
 
     Raises:
         InputError: it cannot be read, or has what is no name.
@@ -68,12 +71,20 @@ def beside(path: Path) -> dict[str, Any]:
         except InputError as error:
             raise InputError(f'{file}: {error}') from None
         found.setdefault(group, {})[name] = value
+    if 'gains' in found:
+        found['gains'] = gains.described(path, found['gains'])
     return found | step
 
 
 def _check(group: str, name: str, value: Any) -> None:
     if group not in GROUPS or not name:
         raise UnknownNameError('key', group, (*GROUPS, STEP))
+    if group == 'gains':
+        if not isinstance(value, str):
+            raise InputError(f'{group}.{name} must be the name of a parameter, not {value!r}')
+        if not name.isidentifier() or name[0] == '_' or iskeyword(name) or name in Gains._fields:
+            raise InputError(f'{group}.{name}: {name} cannot be the name of a gain')
+        return
     known = {'inputs': INPUTS, 'outputs': OUTPUTS}.get(group)
     if known is None:
         numbers = value if isinstance(value, list) else [value]

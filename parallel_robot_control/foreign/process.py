@@ -14,6 +14,7 @@ import signal
 import socket
 import sys
 import threading
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
@@ -36,12 +37,13 @@ class Loaded(Protocol):
     period: float
     multiples: bool
 
-    def update(self, begins: bool, dt: float) -> float:
+    def update(self, begins: bool, dt: float, gains: Sequence[float]) -> float:
         """Answer the question in memory: the number of a fault of its own, 0 without one.
 
         Args:
             begins: Whether it must forget all that was before.
             dt: Time since the last state [s].
+            gains: Those of the law itself; none: its own defaults.
         """
 
 
@@ -87,7 +89,11 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
     """Answer until nobody asks."""
     numbers = exchange.numbers_at(joints)
     expected = (0.0, 0.0)
-    while channel.recv_into(question) == WORD * len(question):
+    chosen: dict[float, list[float]] = {}  # gains by session
+    while got := channel.recv_into(question):
+        if got % WORD:
+            chosen[question[0]] = question[1 : got // WORD]
+            continue
         asked = question[numbers + SESSION], question[numbers + COUNT]
         begins = asked[1] == 0.0
         try:
@@ -96,7 +102,9 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
                     'two runs ask the same process of a law: it has one memory'
                 )
             _preset(joints, question, answer)
-            answer[exchange.FAULT * joints] = law.update(begins, question[numbers + DT])
+            answer[exchange.FAULT * joints] = law.update(
+                begins, question[numbers + DT], chosen.get(asked[0], ())
+            )
         except BaseException as error:
             text = _told(error).encode()[: exchange.TEXT]
             channel.send(text + b' ' * (len(text) in (0, WORD * len(answer))))

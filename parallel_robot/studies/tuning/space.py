@@ -10,6 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 from parallel_robot.studies.tuning.ranges import Choice, Range, Value
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimator import EstimatorParameters
+from parallel_robot_control.foreign.update import Gains
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_model.common.errors import InputError, UnknownNameError
@@ -101,8 +102,8 @@ def space_of(
 
     A positive gain is varied on a logarithmic scale about its default, and may be 0 where that is
     allowed; one that is limited on both sides is varied between its limits, one that has
-    alternatives among them. Gains that are zero, lists and texts are not varied, nor what a
-    foreign law has.
+    alternatives among them. Gains that are zero, lists and texts are not varied, nor how long a
+    foreign law may take.
 
     Args:
         name: Name of the law.
@@ -134,7 +135,7 @@ def space_of(
     for key, value in default.items():
         if coupled and key == 'gamma2':
             continue
-        if foreign and key in gains and key not in given:  # it is how long we wait
+        if foreign and key in Gains._fields and key not in given:  # it is how long we wait
             fixed[key] = value
             continue
         zero = not objection(judged, law, {**default, key: 0.0}, joints)
