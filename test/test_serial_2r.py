@@ -363,5 +363,5 @@ def test_an_arm_that_swings_through_its_stretched_posture_is_identified():
         robot.parameters.l1 * f(first) + robot.parameters.l2 * f(second) for f in (np.cos, np.sin)
     ]
     assert np.allclose(poses_of(robot, angles, GUESS, any_mode=True), np.transpose(tip))
-    bent = base_parameters.find(robot, np.abs(angles), GUESS)
-    assert base_parameters.find(robot, angles, GUESS).names == bent.names
+    bent = base_parameters.find(robot, [np.abs(angles)], len(angles), GUESS)
+    assert base_parameters.find(robot, [angles], len(angles), GUESS).names == bent.names
