@@ -6,14 +6,17 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from mjcf_machines import made, samples
+import pytest
+from mjcf_machines import MACHINES, made, samples
 
-from parallel_robot_model.compiler import INTERPRETED
+from parallel_robot_model.compiler import INTERPRETED, Boxed, kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.layout import NO_COORDINATE, layout
 from parallel_robot_model.mechanisms.margins import margins
+from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion
@@ -57,3 +60,37 @@ def test_as_python_they_are_the_same(tmp_path):
         hexapod, five_bar = found.values()
     assert np.array_equal(hexapod, numbers('welded_hexapod'))
     assert np.array_equal(five_bar, numbers('five_bar'))
+
+
+@kernel
+def placed(m, w):
+    """All frames at the positions in `trial`."""
+    place(m, w)
+
+
+@pytest.mark.parametrize('name', MACHINES)
+def test_frames_have_the_bits_of_all_their_products(name):
+    """Those with ones and zeros are left out."""
+    machine = made(name)
+    m, w = machine.boxed()
+    count, own_layout = len(w.value.trial), w.value.layout
+    none = np.zeros(count, np.int64)
+    whole = own_layout._replace(along=none + NO_COORDINATE, parallel=none, concentric=none)
+    own = {key: getattr(w.value, key).copy() for key in ('rotation', 'origin', 'S', 'trial')}
+    other = Boxed(w.value._replace(layout=whole, **own))
+    assert (own_layout.along != NO_COORDINATE).any() or own_layout.parallel.any()
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        w.value.trial[:] = other.value.trial[:] = rng.uniform(-4.0, 4.0, count)
+        placed(m, w)
+        placed(m, other)
+        for key in ('rotation', 'origin', 'S'):
+            np.testing.assert_array_equal(getattr(w.value, key), getattr(other.value, key))
+
+
+def test_an_axis_that_is_nearly_one_of_the_coordinates_is_none_of_them():
+    machine = made('five_bar').mechanism
+    axis = machine.axis.copy()
+    axis[:3] = [1.0, 1e-20, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]
+    along = layout(machine._replace(axis=axis)).along
+    assert along[:3].tolist() == [NO_COORDINATE, NO_COORDINATE, 1]
