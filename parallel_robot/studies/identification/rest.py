@@ -110,11 +110,10 @@ class Resting:
         self._units = log.units
         self._left.append(_States(*(getattr(log, name) for name in _States._fields)))
         states = _States(*(np.concatenate(each) for each in zip(*self._left, strict=True)))
-        bounds = [*range(0, len(states.time), LONGEST), len(states.time)]
-        *whole, last = itertools.pairwise(bounds)
-        for begin, end in whole:
-            self._take(_States(*(each[begin:end] for each in states)))
-        self._left = [_States(*(each[slice(*last)] for each in states))]
+        last = len(states.time) - len(states.time) % LONGEST
+        for begin in range(0, last, LONGEST):
+            self._take(_States(*(each[begin : begin + LONGEST] for each in states)))
+        self._left = [_States(*(each[last:] for each in states))]
 
     def rest(self) -> Rest | None:
         """The noise in what was taken; None if it has no phase of rest."""
