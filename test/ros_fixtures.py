@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
@@ -65,6 +65,15 @@ class Child(NamedTuple):
     def kill(self):
         if not self.ended():
             signal.pidfd_send_signal(self.descriptor, signal.SIGKILL)
+
+    @contextmanager
+    def paused(self):
+        """Stopped meanwhile: a motion in lockstep with it stands still."""
+        signal.pidfd_send_signal(self.descriptor, signal.SIGSTOP)
+        try:
+            yield
+        finally:
+            signal.pidfd_send_signal(self.descriptor, signal.SIGCONT)
 
 
 class Process:

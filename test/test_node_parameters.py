@@ -252,13 +252,14 @@ def test_table_2_of_nftsmc_warns_and_runs(session):
 
 
 def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
-    words = ['--duration', '5', '--time-mode', 'lockstep', '--out', 'bag']
+    words = ['--duration', '8', '--time-mode', 'lockstep', '--out', 'bag']
     process = launch('parallel_robot.cli.command_line', 'run', 'paper_circle', *words)
     commands = peer.listen(topics.COMMANDS)
     peer.until(lambda: commands or not process.running)
     message = Parameter('law', value='smc').to_parameter_msg()
     request = SetParameters.Request(parameters=[message])
-    answer = peer.call(SetParameters, 'controller/set_parameters', request, process)
+    with process.children()[MODULES['plant']].paused():  # else the run may end before
+        answer = peer.call(SetParameters, 'controller/set_parameters', request, process)
     assert answer.results[0].successful
     assert process.wait() == 0, process.stderr
     found = content(next((tmp_path / 'bag').glob('*.mcap')))
@@ -281,9 +282,9 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
         deserialize_message(data, Float64MultiArray).data
         for _, data in found['effort_controller/commands']
     ]
-    assert len(torques) == 5001 and 0 < switched < 5000
+    assert len(torques) == 8001 and 0 < switched < 8000
     assert np.abs(np.subtract(torques[switched], torques[switched - 1])).max() <= 1.0 + 1e-9
-    values = config.resolve('paper_circle', {'duration': 5.0})
+    values = config.resolve('paper_circle', {'duration': 8.0})
     unswitched = simulated(values).run.command
     assert np.array_equal(torques[:switched], unswitched[:switched])
     assert not np.array_equal(torques[switched], unswitched[switched])

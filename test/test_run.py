@@ -95,12 +95,13 @@ def test_a_run_in_real_time_is_complete(begin, tmp_path):
 def test_a_change_during_the_run_is_in_the_bag_told_and_replayed(start, peer, tmp_path, capsys):
     process = start('bag', 8.0, '--time-mode', 'lockstep', '--format', 'json')
     for size, key, value in ((60_000, 's_fotsmc.G', 20.0), (600_000, 'law', 'pid')):
-        under_way(process, tmp_path / 'bag', size)
+        nodes = under_way(process, tmp_path / 'bag', size)
         changed = [Parameter(key, value=value).to_parameter_msg()]
-        answer = peer.call(
-            SetParameters, 'controller/set_parameters', SetParameters.Request(parameters=changed),
-            process,
-        )  # fmt: skip
+        with nodes[MODULES['plant']].paused():  # else the run may end before
+            answer = peer.call(
+                SetParameters, 'controller/set_parameters',
+                SetParameters.Request(parameters=changed), process,
+            )  # fmt: skip
         assert answer.results[0].successful
         process.until(lambda key=key: noted(tmp_path / 'bag', key))
     assert process.wait() == 0, process.stderr
