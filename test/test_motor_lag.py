@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import lfilter
 
 import parallel_robot as pr
 from parallel_robot.studies.identification import motor_lag
@@ -21,9 +21,10 @@ def log(lags, delay=0, noise=0.0, seed=0):
     effort = np.zeros_like(command)
     for joint, lag in enumerate(lags):
         held = np.repeat(command[:, joint], fine)
-        time = np.arange(len(held) + 1) * H / fine
-        held = np.append(held, held[-1])
-        _, out, _ = lsim(([1.0], [lag, 1.0]), held, time, interp=False) if lag else (0, held, 0)
+        out = np.append(held, held[-1])
+        if lag:
+            kept = np.exp(-H / fine / lag)
+            out = lfilter([0.0, 1.0 - kept], [1.0, -kept], out)
         whole = (0.5 * (out[:-1] + out[1:])).reshape(N, fine).mean(axis=1)
         effort[1 + delay :, joint] = whole[: N - 1 - delay]
     effort += random.normal(0.0, noise, effort.shape)
