@@ -35,6 +35,7 @@ class Killing(Cluster):
         return ended
 
 
+@pytest.mark.endurance
 def test_a_cluster_of_which_one_worker_is_killed_makes_the_same_file(scheduler, whole, tmp_path):
     killed = tmp_path / 'killed'
     workers = Killing(scheduler.scheduler_address)
@@ -63,6 +64,7 @@ def test_a_scheduler_that_is_not_there_costs_one_line(address, tmp_path, capsys,
     assert list(tmp_path.iterdir()) == [file]
 
 
+@pytest.mark.endurance
 def test_a_scheduler_that_goes_away_costs_one_line_and_no_row(scheduler, tmp_path):
     """The last test here: there is no cluster any more."""
     ended = []

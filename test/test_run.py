@@ -172,6 +172,7 @@ def check_end(bag, nodes):
     assert (bag / 'metadata.yaml').is_file()
 
 
+@pytest.mark.endurance
 def test_a_node_that_dies_ends_the_run(begin, tmp_path):
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
@@ -189,6 +190,7 @@ run.STANDSTILL = 2.0
 """
 
 
+@pytest.mark.endurance
 def test_a_controller_that_is_stopped_is_named(launch, domain, tmp_path):
     (tmp_path / 'hasty.py').write_text(HASTY)
     process = launch(
@@ -206,6 +208,7 @@ def test_a_controller_that_is_stopped_is_named(launch, domain, tmp_path):
     check_end(tmp_path / 'bag', nodes)
 
 
+@pytest.mark.endurance
 def test_a_recorder_that_is_killed_leaves_its_chunks(begin, tmp_path):
     process = begin('bag')
     nodes = under_way(process, tmp_path / 'bag')
@@ -293,6 +296,7 @@ def test_a_signal_ends_the_run_in_order(name, begin, tmp_path):
     assert log.effort[-20:].any()  # 0.1 s; it went on for 0.7 s without torque once
 
 
+@pytest.mark.endurance
 def test_the_end_of_its_terminal_ends_the_run_in_order(domain, compiled, tmp_path):
     words = ['run', 'paper_circle', '--duration', '600', '--out', 'bag']
     words += [word for key in SLOW_LOOP for word in ('--set', key.replace(':=', '='))]
@@ -319,6 +323,7 @@ def test_a_signal_before_the_motion_begins_leaves_nothing(begin, tmp_path):
     assert not (tmp_path / 'bag').exists()
 
 
+@pytest.mark.endurance
 @pytest.mark.skipif(not Path('/proc/self/stat').exists(), reason='needs Linux')
 def test_no_node_outlives_its_supervisor(begin, tmp_path):
     process = begin('bag')

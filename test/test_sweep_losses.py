@@ -114,6 +114,7 @@ def test_a_sweep_that_is_killed_twice_ends_as_one_that_ran_through(whole, tmp_pa
     assert content(out) == content(whole)
 
 
+@pytest.mark.endurance
 def test_ctrl_c_says_what_is_kept(tmp_path):
     out = tmp_path / 'interrupted'
     words = command(out, signal=int(signal.SIGINT))
@@ -152,6 +153,7 @@ class Killing:
         return ended
 
 
+@pytest.mark.endurance
 def test_the_rows_of_killed_workers_are_run_again(whole, tmp_path):
     workers = Killing(2)
     swept(tmp_path / 'killed', workers=workers)
@@ -166,6 +168,7 @@ class Deadly:
         return os._exit, (9,)
 
 
+@pytest.mark.endurance
 def test_a_row_that_kills_its_workers_is_a_failure_and_no_other_row_is():
     good = next(tasks(planned(), np.zeros(ROWS, dtype=bool), 2))
     bad = Task(good.scenario, good.numbers[:3], (*good.overrides[:2], {'x': Deadly()}), version())
