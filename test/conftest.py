@@ -100,6 +100,11 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: item.path.stem.removeprefix('test_') not in FIRST)
 
 
+def pytest_collection_finish():
+    """What was collected stays: collections of garbage need not look through it."""
+    gc.freeze()
+
+
 @pytest.fixture(scope='session', autouse=True)
 def _no_process(pytestconfig):
     """Where only quick tests are wanted, none starts a process."""
