@@ -31,7 +31,7 @@ FLAGS = (
     '-Wl,--gc-sections', '-Wl,-z,defs',
 )  # fmt: skip
 TOKEN = '@token@'  # in the table, until it is known
-SOURCES = ('instance.c', 'instance.h', 'fmi2.c', 'fmi3.c')
+SOURCES = ('instance.c', 'instance.h', 'functions.h', 'fmi2.c', 'fmi3.c')
 
 
 def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
