@@ -36,6 +36,7 @@ BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those o
     'length': (['3600'], ['60']),
     'sweep': (['1000', '3'], ['8', '1']),
     'laws': (['5000'], ['200']),
+    'native': (['--seconds', '60'], ['--seconds', '2']),
     'estimators': (['31'], ['1']),
     'player': (['12'], ['2']),
     'recorder': (['60'], ['4']),
