@@ -21,7 +21,7 @@
 
 #define SECOND 1000000000LL
 #define WARM 200 /* cycles that are not counted */
-#define TURNS 500 /* of a spin, before it is known how long they take */
+#define TURNS 500 /* of the first spin; each later one has one more or less */
 
 enum { LAW, SPIN };
 
@@ -49,12 +49,6 @@ static int rising(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static double median(double *values, long count)
-{
-    qsort(values, count, sizeof *values, rising);
-    return values[count / 2];
-}
-
 static double spin(long turns)
 {
     double x = 1.0;
@@ -65,9 +59,9 @@ static double spin(long turns)
 
 static void told(const char *name, double *values, long count)
 {
-    double middle = median(values, count);
+    qsort(values, count, sizeof *values, rising);
     printf("\"%s\": {\"median\": %.3f, \"p9999\": %.3f, \"worst\": %.3f}, ", name,
-           middle, values[(long)(0.9999 * (count - 1))], values[count - 1]);
+           values[count / 2], values[(long)(0.9999 * (count - 1))], values[count - 1]);
 }
 
 int main(int count, char **words)
@@ -103,7 +97,7 @@ int main(int count, char **words)
         numbers[k] = k;
     for (long k = 0; k < joints; k++)
         outputs[k] = atoi(words[7]) + k;
-    double *late = malloc(cycles * 8), *spent[2], torque[joints], sum = 0.0, warm[2][WARM];
+    double *late = malloc(cycles * 8), *spent[2], torque[joints], sum = 0.0, took[2];
     memset(late, 1, cycles * 8);
     for (int what = LAW; what <= SPIN; what++)
         spent[what] = memset(malloc(cycles * 8), 1, cycles * 8);
@@ -117,7 +111,6 @@ int main(int count, char **words)
     for (long k = -WARM; k < cycles; k++, due += period) {
         long row = (k + WARM) % rows;
         if (k == 0) {
-            turns *= median(warm[LAW], WARM) / median(warm[SPIN], WARM);
             getrusage(RUSAGE_SELF, &before);
             allocated = allocations;
         }
@@ -138,8 +131,11 @@ int main(int count, char **words)
             } else {
                 spun = spin(turns); /* volatile: not moved out of the time */
             }
-            *(k < 0 ? &warm[what][k + WARM] : &spent[what][k]) = 1e-3 * (now() - begun);
+            took[what] = 1e-3 * (now() - begun);
+            if (k >= 0)
+                spent[what][k] = took[what];
         }
+        turns += took[SPIN] < took[LAW] ? 1 : -1; /* until both have the same median */
         sum += torque[0];
     }
     getrusage(RUSAGE_SELF, &after);
