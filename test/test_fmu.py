@@ -13,6 +13,7 @@ import pytest
 from fmu_units import PERIOD, Unit, coupled, follows_schema, library, made
 
 from parallel_robot.cli.command_line import main
+from parallel_robot.fmu.unit import identifier
 from parallel_robot_sim.scenario_run import simulate
 
 DURATION = 0.3  # s
@@ -235,6 +236,21 @@ def test_fmpy_finds_no_fault(law, plant):
 def test_same_contents_make_the_same_file(tmp_path, law, fmi):
     again = made(tmp_path, 'law', 's_fotsmc', fmi=fmi)
     assert again.with_suffix('.fmu').read_bytes() == law.with_suffix('.fmu').read_bytes()
+
+
+@pytest.mark.parametrize(
+    ('text', 'name'),
+    [('law', 'law'), ('3', '_3'), ("2nd law ü;'", '_2nd_law____'), ('a-b.c', 'a_b_c')],
+)
+def test_its_name_is_one_of_c(text, name):
+    assert identifier(text) == name and name.isidentifier()
+
+
+@pytest.mark.parametrize('name', ['nosuffix', 'x.zip', '.fmu'])
+def test_a_file_that_does_not_end_with_fmu_is_one_line(tmp_path, capsys, name):
+    file = tmp_path / name
+    assert main(['fmu', 'law', 's_fotsmc', '--out', str(file)]) == 2
+    assert f'--out must be a name and .fmu, not {file}' in capsys.readouterr().err
 
 
 def test_no_gcc_is_one_line(tmp_path, monkeypatch, capsys):

@@ -239,6 +239,8 @@ def test_the_page_of_the_package_names_what_it_is(package):
     whole = {path.name: path.read_text() for path in package.rglob('*.*') if path.suffix != '.o'}
     assert not [name for name, text in whole.items() if re.search('@[a-z]+@', text)]
     assert 'type: paper_law/LawController' in whole['controllers.yaml']
+    assert whole['controller.cpp'].startswith('// Not built by colcon and not run in a controller')
+    assert whole['CMakeLists.txt'].startswith('# This file was never run')
     assert 'control cycle of s_fotsmc for planar_3rrr' in whole['plugin.xml']
 
 

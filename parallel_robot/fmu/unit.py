@@ -34,6 +34,16 @@ TOKEN = '@token@'  # in the table, until it is known
 SOURCES = ('instance.c', 'instance.h', 'functions.h', 'fmi2.c', 'fmi3.c')
 
 
+def need_compiler() -> None:
+    """Refuse to begin without gcc.
+
+    Raises:
+        InputError: it is missing.
+    """
+    if shutil.which(COMPILER) is None:
+        raise InputError(f'{COMPILER} is missing: it links the FMU; install it')
+
+
 def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
     """Make a unit, a ZIP archive; the same contents make the same bytes.
 
@@ -44,10 +54,8 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
         duration: Of its default experiment [s].
 
     Raises:
-        InputError: there is no gcc, the system is another one, or a kernel makes arrays.
+        InputError: gcc does not link it, the system is another one, or a kernel makes arrays.
     """
-    if shutil.which(COMPILER) is None:
-        raise InputError(f'{COMPILER} is missing: it links the FMU; install it')
     code = code_of(contents)
     library = _library(code.kernels, code.table, version)
     described = description(
@@ -97,7 +105,7 @@ def code_of(contents: Contents) -> Code:
 
 def identifier(text: str) -> str:
     """A text as a name in C."""
-    return re.sub(r'\W', '_', text, flags=re.ASCII)
+    return re.sub(r'\W|^(?=\d)', '_', text, flags=re.ASCII)
 
 
 def _table(contents: Contents, image: Image) -> str:

@@ -16,7 +16,7 @@ from parallel_robot.fmu.contents import (
     plant_contents,
 )
 from parallel_robot.fmu.ros2_package import ros2_package
-from parallel_robot.fmu.unit import identifier, unit
+from parallel_robot.fmu.unit import identifier, need_compiler, unit
 from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
@@ -58,6 +58,10 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     place = arguments.out or arguments.ros2_control
     new_files.check(place, '--out' if arguments.out else '--ros2-control')
+    if arguments.out:
+        if place.suffix != '.fmu':
+            raise InputError(f'--out must be a name and .fmu, not {place}')
+        need_compiler()
     changed: Any = given(arguments)
     scenario = arguments.name
     if arguments.kind == 'law':

@@ -1,3 +1,5 @@
+// Not built by colcon and not run in a controller manager: it was compiled against headers alone.
+//
 // A control law with its whole cycle as a controller of ros2_control (Jazzy): written by
 // parallel_robot. native/ holds the code of the law; this file joins it to the hardware.
 
