@@ -40,7 +40,8 @@ class Feedback(NamedTuple):
     """Joint motion at one time, and what became of the last torque, each shape (n,).
 
     The motion is the measured one, or with a Kalman filter the one predicted for the moment at
-    which the torque will act. The reference is always that of the same moment.
+    which the torque will act. The reference is that of the same moment; for a law that asks for
+    the age of what was measured, that of the moment at which the torque will act.
 
     Attributes:
         position: Angles [rad].
@@ -51,6 +52,8 @@ class Feedback(NamedTuple):
         place: A^T A, A the Jacobian of the place of the end effector by the joints, that of all
             joints where there is no place, shape (n, n); without meaning for a law that does not
             ask for it.
+        age: From the measurement to the moment at which the torque acts [s], for a law whose
+            ESTIMATOR is 'aged'; else 0.
     """
 
     position: Array
@@ -58,6 +61,7 @@ class Feedback(NamedTuple):
     excess: Array
     disturbance: Array
     place: Array = vector(())
+    age: float = 0.0
 
 
 class ControlOutput(NamedTuple):
@@ -77,7 +81,18 @@ class ControlOutput(NamedTuple):
 
 
 class Foreign(Protocol):
-    """What is outside: the ``foreign`` of a law whose update asks another process."""
+    """What is outside: the ``foreign`` of a law whose update asks another process.
+
+    Attributes:
+        ESTIMATOR: The kind of estimator that it needs, once it has an initial memory.
+        ready: Whether its process is there.
+    """
+
+    @property
+    def ESTIMATOR(self) -> str: ...  # noqa: D102
+
+    @property
+    def ready(self) -> bool: ...  # noqa: D102
 
     def judge_period(self, period: float) -> None:
         """Refuse a period [s] that is not the law's, by an InputError."""
@@ -86,7 +101,7 @@ class Foreign(Protocol):
         """Have gains for one who asks with an initial memory."""
 
     def begin(self) -> None:
-        """Have a process for a new run."""
+        """Have a process, whatever became of the one before; InputError without one."""
 
     def failure(self, gains: Any) -> str:
         """Why the last update gave no torque; empty if that is not known."""

@@ -10,7 +10,15 @@ from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, 
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimator import FILTER, KALMAN, LEVANT, NONE, Estimated, estimated
+from parallel_robot_control.estimator import (
+    AGED,
+    FILTER,
+    KALMAN,
+    LEVANT,
+    NONE,
+    Estimated,
+    estimated,
+)
 from parallel_robot_control.law_step import Asked
 from parallel_robot_control.place_gradient import NO_PLACE, place_gradient
 from parallel_robot_control.safety import (
@@ -335,8 +343,8 @@ def run_cycle(
     """Compute the torque for one joint state.
 
     A state may be old. The law compares it with the reference of the moment at which it was
-    measured; or with a Kalman filter the motion predicted for the moment at which the torque acts
-    with the reference of that moment.
+    measured, or knows its age; or with a Kalman filter the motion predicted for the moment at
+    which the torque acts with the reference of that moment.
 
     The memory of the law, which it keeps unless there is a fault, and that of the cycle are
     written in place.
@@ -393,7 +401,7 @@ def run_cycle(
     joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, since)
     reference = at_measurement(joined, late)
     error = position - reference.position
-    measured = estimator.kind == NONE or (tracks and filter_.velocities)
+    measured = estimator.kind == NONE or estimator.kind == AGED or (tracks and filter_.velocities)
     wrong = inconsistent(
         filter_.memory,
         limits.rate_tolerance,
@@ -429,7 +437,9 @@ def run_cycle(
     zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
     if setup.place != NO_PLACE and sensed.fault == faults.NONE:
         place = place_gradient(setup.locate, setup.robot, setup.place, position, sensed.pose)
-    feedback = Feedback(position, velocity, excess, zero, place)
+    feedback, wanted = Feedback(position, velocity, excess, zero, place, 0.0), reference
+    if estimator.kind == AGED:
+        feedback, wanted = Feedback(position, velocity, excess, zero, place, when.age), joined
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
         ahead = filter_.command_delay + filter_.lag
@@ -451,12 +461,15 @@ def run_cycle(
             late + filter_.command_delay,
             dt,
         )
-        feedback = Feedback(motion.position, motion.velocity, excess, motion.disturbance, place)
+        feedback = Feedback(
+            motion.position, motion.velocity, excess, motion.disturbance, place, 0.0
+        )
+        wanted = reference
     # 3. The torque that the law asks for; in a fault it is not called.
     asked, learned, correction = Asked(position, position, position), zero, zero
     repeats = setup.repetition
     if sensed.fault == faults.NONE:
-        output = setup.step(setup.law, sensed.model, reference, feedback, dt)
+        output = setup.step(setup.law, sensed.model, wanted, feedback, dt)
         in_vain = told.spell > 0.0 and not told.waits
         demand = output.torque
         if repeats.on:

@@ -20,8 +20,9 @@ from parallel_robot_model.compiler import Space, clip, kernel, select, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.configuration.zero_angles import ZeroAngle
 
-NONE, FILTER, LEVANT, KALMAN = range(4)
-KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN}
+NONE, FILTER, LEVANT, KALMAN, AGED = range(5)
+KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN, 'aged': AGED}
+MEASURED = (NONE, AGED)  # aged, of laws alone: with the age, and the reference of now
 AUTO = 'auto'
 IDENTIFY = 'identify'
 
@@ -116,7 +117,7 @@ class Estimated(NamedTuple):
 
 def kind_for(parameters: EstimatorParameters, law: Law) -> int:
     """Number of the kind for a law: what the parameters say, or else what the law asks for."""
-    asked = getattr(law, 'ESTIMATOR', 'none')  # optional in the contract
+    asked = getattr(getattr(law, 'foreign', law), 'ESTIMATOR', 'none')  # optional in the contract
     return KINDS[asked if parameters.kind == AUTO else parameters.kind]
 
 

@@ -124,7 +124,7 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
     for k in range(UPDATES * len(SIZES)):
         rows = random.normal(scale=SIZES[k % len(SIZES)], size=(7, joints))
         model = Model(np.eye(joints), np.eye(joints), np.zeros(joints))
-        feedback = Feedback(rows[3], rows[4], rows[5], rows[6], np.eye(joints))
+        feedback = Feedback(rows[3], rows[4], rows[5], rows[6], np.eye(joints), 0.0)
         words = (gains, model, JointReference(*rows[:3]), feedback, memory, 1e-3)
         if k == 0:
             with step('the compilation of update'):

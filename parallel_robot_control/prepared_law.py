@@ -195,5 +195,5 @@ def _motion(row: Array, matrix: Array) -> tuple[Any, ...]:
     return (
         Model(matrix, matrix, row),
         JointReference(row, row, row),
-        Feedback(row, row, row, row, matrix),
+        Feedback(row, row, row, row, matrix, 0.0),
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control.estimator import NONE, kind_for
+from parallel_robot_control.estimator import MEASURED, kind_for
 from parallel_robot_sim.configuration import Configuration
 
 
@@ -16,7 +16,7 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
     sensor = configuration.plant.imperfections.sensor
     name = configuration.loop.law
     law = configuration.control.laws[name]
-    measured = kind_for(configuration.control.estimator, law) == NONE
+    measured = kind_for(configuration.control.estimator, law) in MEASURED
     if not measured or sensor.differentiate:
         return ()
     of_law = getattr(law, 'judge_noise', None)

@@ -70,11 +70,13 @@ def taken(folder):
 @pytest.mark.parametrize('fmi', [2, 3])
 @pytest.mark.parametrize('law', ['s_fotsmc', 'pid', 'observer_s_fotsmc'])
 def test_exported_and_taken_back_is_the_same_law(tmp_path, law, fmi):
-    taken = run_of(made(tmp_path, f'{law}_{fmi}', law, '--fmi', str(fmi)))
-    own = simulate('paper_circle', law=law, duration=SHORT)
-    np.testing.assert_array_equal(taken.command, own.command)
-    np.testing.assert_array_equal(taken.position, own.position)
-    np.testing.assert_array_equal(taken.sliding_variable, own.sliding_variable)
+    file = made(tmp_path, f'{law}_{fmi}', law, '--fmi', str(fmi))
+    for late in ({}, {'sensor.delay': 0.002, 'sensor.stamp': 'measured'}):
+        taken = run_of(file, **late)
+        own = simulate('paper_circle', law=law, duration=SHORT, **late)
+        np.testing.assert_array_equal(taken.command, own.command)
+        np.testing.assert_array_equal(taken.position, own.position)
+        np.testing.assert_array_equal(taken.sliding_variable, own.sliding_variable)
 
 
 def test_a_run_begins_anew(taken):

@@ -62,9 +62,10 @@ class CLaw:
     Attributes:
         period: The only period that it can have [s]; 0 if it says none.
         multiples: Whether multiples of it will do, too.
+        aged: Whether it takes the age of the state.
     """
 
-    multiples = False
+    multiples = aged = False
 
     def __init__(self, file: str, joints: int, question: Any, answer: Any) -> None:
         """Load it.
@@ -101,7 +102,7 @@ class CLaw:
         self._input = _Input(joints, 0, 0.0, *(_row(question, place) for place in places))
         self._output = _Output(*(_row(answer, k * joints) for k in range(exchange.FAULT)))
 
-    def update(self, begins: bool, dt: float, _: Sequence[float]) -> float:
+    def update(self, begins: bool, dt: float, _: float, __: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`."""
         self._input.begins, self._input.dt = begins, dt
         return float(self._update(byref(self._input), byref(self._output)))

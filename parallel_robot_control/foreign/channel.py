@@ -34,6 +34,7 @@ class Channel:
         space: Its memory: HEAD words, a question, an answer.
         period: The period that the law must have [s]; 0 if it takes any.
         multiples: Whether multiples of it will do, too.
+        aged: Whether the law takes the age of the state, with the reference of now.
     """
 
     def __init__(self, file: str, names: Mapping[str, Any], joints: int) -> None:
@@ -62,10 +63,10 @@ class Channel:
 
     def ready(self) -> None:
         """Start the process, unless it runs."""
-        mine = self._owner == os.getpid()  # that of a copy of this process is not
-        if mine and self._process and self._process.poll() is None and self._well:
+        if self.runs:
             return
-        if mine:
+        self.space.floats[GOT] = ENDED  # it does not run until it has said that it does
+        if self._owner == os.getpid():
             self._end()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         task = json.dumps(self._task | {'folder': self._folder.name})
@@ -80,10 +81,18 @@ class Channel:
         said = self._first_words(ours)
         for session in self._chosen:
             self._tell(session)
-        self.period, self.multiples = float(said['period']), bool(said['multiples'])
+        self.period = float(said['period'])
+        self.multiples, self.aged = bool(said['multiples']), bool(said['aged'])
         floats = self.space.floats
         floats[[DESCRIPTOR, GOT]] = ours.fileno(), self._sizes
         floats[POLLED : POLLED + 1].view(np.int32)[:] = ours.fileno(), select.POLLIN
+
+    @property
+    def runs(self) -> bool:
+        """Whether the process runs and is well; that of a copy of this process does not."""
+        if self._process is None or self._owner != os.getpid():
+            return False
+        return self._well and self._process.poll() is None
 
     def choose(self, session: int, gains: tuple[float, ...]) -> None:
         """Have gains of the law itself for one who asks.

@@ -23,7 +23,8 @@ WORD = 8  # bytes
 ) = range(8)
 ROWS = 8
 INERTIA, CORIOLIS = range(2)  # M and Q, after the rows
-SESSION, COUNT, DT = range(3)  # after the matrices
+SESSION, COUNT, DT, AGE = range(4)  # after the matrices
+NUMBERS = 4
 TORQUE, SLIDING_VARIABLE, COUPLED_ERROR, FAULT = range(4)  # of the answer; the fault is a number
 
 # Words of a channel before the messages: descriptor, what poll takes, length of the last answer.
@@ -42,12 +43,12 @@ def told_gains(session: int, gains: Sequence[float]) -> bytes:
 
 def numbers_at(joints: int) -> int:
     """Where the numbers of a question begin [words]."""
-    return ROWS * joints + 2 * joints * joints
+    return (ROWS + 2 * joints) * joints
 
 
 def question(joints: int) -> int:
     """Length of a question [words]."""
-    return numbers_at(joints) + 3
+    return numbers_at(joints) + NUMBERS
 
 
 def answer(joints: int) -> int:

@@ -24,6 +24,7 @@ class FmuLaw:
     Attributes:
         period: The length of its steps [s]; 0 if it takes any.
         multiples: Whether it takes multiples of it, too.
+        aged: Whether it takes the age of the state.
     """
 
     def __init__(self, task: Any, question: Any, answer: Any) -> None:
@@ -72,12 +73,9 @@ class FmuLaw:
         self._outputs = self._named(groups['outputs'], 'output', names.RESULTS)
         if 'torque' not in self._outputs:
             raise InputError(self._without('output', 'torque'))
-        fault = groups['outputs'].get('fault', 'fault')
-        self._fault = (
-            self._of(fault, 'output', NUMBERS)
-            if 'fault' in groups['outputs'] or fault in self._variables
-            else None
-        )
+        self._fault = self._alone(groups['outputs'], 'output', names.FAULT, NUMBERS)
+        self._age = self._alone(groups['inputs'], 'input', names.AGE, FLOATS)
+        self.aged = self._age is not None
         self._parameters = [
             (self._of(name, 'parameter', NUMBERS), value)
             for name, value in groups['parameters'].items()
@@ -102,7 +100,7 @@ class FmuLaw:
         self._used = False
         self._initialise()
 
-    def update(self, begins: bool, dt: float, gains: Sequence[float]) -> float:
+    def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`.
 
         It steps over the time since the last state, with its new inputs in the last period.
@@ -129,6 +127,8 @@ class FmuLaw:
                 one, other = names.DIFFERENCES[name]
                 values = [asked[n * one + k] - asked[n * other + k] for k in range(n)]
             self._put(variables, values)
+        if self._age:
+            self._put([self._age], [age])
         self._step(self._period)
         for name, variables in self._outputs.items():
             begin = n * names.RESULTS[name]
@@ -209,6 +209,12 @@ class FmuLaw:
                 raise InputError(f'{role}s.{name}: {", ".join(texts)} are of different types')
             found[name] = of_name
         return found
+
+    def _alone(self, given: dict[str, Any], role: str, known: str, types: tuple[str, ...]) -> Any:
+        """The variable of a name of the suite that is one number, if there is one."""
+        name = given.get(known, known)
+        found = known in given or name in self._variables
+        return self._of(name, role, types) if found else None
 
     def _of(self, name: str, role: str, types: tuple[str, ...]) -> Any:
         """A variable of the FMU.

@@ -57,7 +57,7 @@ class ForeignLaw:
             self._check()
             _channels[key] = Channel(self.path, self.names, joints)
         self._channel = _channels[key]
-        self._channel.ready()
+        self.begin()
         return Memory(int(self._channel.space), next(_sessions), 0)
 
     def choose(self, memory: Memory, gains: Any) -> None:
@@ -97,9 +97,24 @@ class ForeignLaw:
                 'period',
             )
 
+    @property
+    def ESTIMATOR(self) -> str:
+        """The kind of estimator that it needs, once it has an initial memory."""
+        return 'aged' if self._channel and self._channel.aged else 'none'
+
+    @property
+    def ready(self) -> bool:
+        """Whether its process is there."""
+        return self._channel is None or self._channel.runs
+
     def begin(self) -> None:
-        """Have a process for a new run, whatever became of the one before."""
-        if self._channel:
+        """Have a process for a new run, whatever became of the one before.
+
+        Raises:
+            InputError: the file is gone or another one, or cannot be loaded any more.
+        """
+        if self._channel and not self._channel.runs:
+            self._check()
             self._channel.ready()
 
     def failure(self, gains: Any) -> str:

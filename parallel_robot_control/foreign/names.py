@@ -32,7 +32,8 @@ RESULTS = {  # of the answer
     'coupled_error': exchange.COUPLED_ERROR,
 }
 INPUTS = (*ROWS, *DIFFERENCES)
-OUTPUTS = (*RESULTS, 'fault')
+AGE, FAULT = 'age', 'fault'  # one number each
+KNOWN = {'inputs': (*INPUTS, AGE), 'outputs': (*RESULTS, FAULT)}
 GROUPS = ('inputs', 'outputs', 'parameters', 'gains')
 STEP = 'step'  # s, where the one that the FMU names is not meant
 
@@ -85,7 +86,7 @@ def _check(group: str, name: str, value: Any) -> None:
         if not name.isidentifier() or name[0] == '_' or iskeyword(name) or name in Gains._fields:
             raise InputError(f'{group}.{name}: {name} cannot be the name of a gain')
         return
-    known = {'inputs': INPUTS, 'outputs': OUTPUTS}.get(group)
+    known = KNOWN.get(group)
     if known is None:
         numbers = value if isinstance(value, list) else [value]
         if not all(isinstance(number, bool | int | float) for number in numbers):
@@ -94,7 +95,7 @@ def _check(group: str, name: str, value: Any) -> None:
     if name not in known:
         raise UnknownNameError(group.removesuffix('s'), name, known)
     texts = [value] if isinstance(value, str) else value
-    one = name == 'fault' and not isinstance(value, str)
+    one = name in (AGE, FAULT) and not isinstance(value, str)
     if one or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
         wanted = 'a name' if one else 'an array, or a list of names, one for each joint'
         raise InputError(f'{group}.{name} must be {wanted}, not {value!r}')

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from parallel_robot_control.foreign import exchange
-from parallel_robot_control.foreign.exchange import COUNT, DT, SESSION, WORD
+from parallel_robot_control.foreign.exchange import AGE, COUNT, DT, SESSION, WORD
 from parallel_robot_model.common.errors import ParallelRobotError, first_line
 
 KINDS = {'.so': 'c_law', '.fmu': 'fmu_law'}  # modules, each with a Loaded, by suffix of the file
@@ -32,17 +32,20 @@ class Loaded(Protocol):
     Attributes:
         period: The period that it must have [s]; 0 if it takes any.
         multiples: Whether multiples of it will do, too.
+        aged: Whether it takes the age of the state, with the reference of now.
     """
 
     period: float
     multiples: bool
+    aged: bool
 
-    def update(self, begins: bool, dt: float, gains: Sequence[float]) -> float:
+    def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """Answer the question in memory: the number of a fault of its own, 0 without one.
 
         Args:
             begins: Whether it must forget all that was before.
             dt: Time since the last state [s].
+            age: Of the state at the moment at which the torque acts [s]; 0 if not asked for.
             gains: Those of the law itself; none: its own defaults.
         """
 
@@ -75,7 +78,8 @@ def main() -> None:
     try:
         kind = import_module(f'parallel_robot_control.foreign.{KINDS[file.suffix]}')
         law: Loaded = kind.load(task, question, answer)
-        channel.send(json.dumps({'period': law.period, 'multiples': law.multiples}).encode())
+        said = {key: getattr(law, key) for key in ('period', 'multiples', 'aged')}
+        channel.send(json.dumps(said).encode())
     except BaseException as error:  # whatever a law raises
         channel.send(json.dumps({'refused': _told(error)}).encode())
         os._exit(1)
@@ -102,9 +106,9 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
                     'two runs ask the same process of a law: it has one memory'
                 )
             _preset(joints, question, answer)
-            answer[exchange.FAULT * joints] = law.update(
-                begins, question[numbers + DT], chosen.get(asked[0], ())
-            )
+            dt, age = question[numbers + DT], question[numbers + AGE]
+            fault = law.update(begins, dt, age, chosen.get(asked[0], ()))
+            answer[exchange.FAULT * joints] = fault
         except BaseException as error:
             text = _told(error).encode()[: exchange.TEXT]
             channel.send(text + b' ' * (len(text) in (0, WORD * len(answer))))

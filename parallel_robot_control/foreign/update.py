@@ -59,6 +59,7 @@ class Memory(NamedTuple):
 
 
 distinguish(Gains, Memory)
+numbers_at, answer_words = inner(exchange.numbers_at), inner(exchange.answer)
 
 
 @inner
@@ -123,17 +124,17 @@ def update(
     matrices = rows + WORD * exchange.ROWS * n
     write_at(matrices, exchange.INERTIA, model.M)
     write_at(matrices, exchange.CORIOLIS, model.Q)
-    numbers = matrices + WORD * 2 * n * n
+    numbers = rows + WORD * numbers_at(n)
     write_at(numbers, exchange.SESSION, float(memory.session))
     write_at(numbers, exchange.COUNT, float(memory.number))
     write_at(numbers, exchange.DT, dt)
-    words = (exchange.ROWS + 2 * n) * n + exchange.DT + 1
-    wanted = exchange.FAULT * n + 1
+    write_at(numbers, exchange.AGE, feedback.age)
+    words = numbers_at(n) + exchange.NUMBERS
     answer = rows + WORD * words
     torque = np.zeros_like(row) + np.nan
     error = reference.position - feedback.position
     sliding_variable, coupled_error = error, error
-    there = asked(memory.channel, words, wanted, gains.limit)
+    there = asked(memory.channel, words, answer_words(n), gains.limit)
     if there and read_at(answer, exchange.FAULT * n, 0.0) == 0.0:
         torque = read_at(answer, exchange.TORQUE, row)
         sliding_variable = read_at(answer, exchange.SLIDING_VARIABLE, row)
