@@ -149,10 +149,14 @@ class Controller(ControllerState):
 
         Raises:
             UnknownNameError: no such key or law.
-            InputError: a value is wrong, or the theory of its law forbids the set of gains.
+            InputError: a value is wrong, the theory of its law forbids the set of gains, or its
+                process cannot start again.
         """
         changed = configuration.changed(self.configuration, changes)
-        return Change(changed, self._cores.make(changed))
+        core = self._cores.make(changed)
+        if core.law.foreign is not None:
+            core.law.foreign.begin()
+        return Change(changed, core)
 
     def apply(self, change: Change) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.

@@ -10,6 +10,7 @@ import math
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ from parallel_robot_control.configuration import (
     declared,
     resolve,
 )
-from parallel_robot_control.contract import JointReference
+from parallel_robot_control.contract import Foreign, JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
@@ -372,10 +373,26 @@ class ControllerNode(SuiteNode):
         """End the safe action; returns why not."""
         before = self._controller.fault
         dispute = self.disputes()
-        reason = f'{dispute}; stop all but one' if dispute else self._controller.clear_fault()
+        waits = f'{dispute}; stop all but one' if dispute else self._renew_law()
+        reason = waits or self._controller.clear_fault()
         if self._controller.fault != before:
             self._tell_now()
         return reason
+
+    def _renew_law(self) -> str:
+        """Start the process of a law anew if it has ended; returns that it is not ready."""
+        law = self._controller.law
+        if law.foreign is None or law.foreign.ready:
+            return ''
+        self.background.do(partial(self._begin_law, law.name, law.foreign))
+        return f'the process of the law {law.name} has ended and starts again: clear once more'
+
+    def _begin_law(self, name: str, law: Foreign) -> None:
+        try:
+            law.begin()
+            self.get_logger().info(f'the process of the law {name} is ready')
+        except InputError as error:
+            self.get_logger().error(f'the law {name} does not start again: {error}')
 
     def _activate(self) -> str:
         """Send commands, from the end of the safe action on; returns why not."""

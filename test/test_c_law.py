@@ -12,15 +12,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 from foreign_laws import compiled, made
+from rclpy.clock import ClockType
+from rclpy.time import Time
+from std_srvs.srv import Trigger
 from sweeping import TEXT, runs
 
 from parallel_robot.bags import bag_reader
 from parallel_robot.cli.command_line import main
+from parallel_robot_control import controller_node, faults
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.foreign import law as foreign_law
-from parallel_robot_sim.configuration import configure
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.messages import topics
+from parallel_robot_sim.configuration import configure, configure_plant
 from parallel_robot_sim.scenario_run import simulate
 from parallel_robot_sim.simulation import parts
+from parallel_robot_sim.simulator import Simulator
+from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.messages import reference_messages
+
+pytest_plugins = ['ros_fixtures']
 
 DOCS = Path(__file__).parents[1] / 'docs'
 SHORT = 0.1  # s
@@ -259,3 +270,66 @@ def test_its_process_ends_with_the_one_that_asks(tmp_path, body):
         assert Path(place).is_dir()
         asking.kill()
     assert ends.poll(60_000) and not Path(place).exists()
+
+
+@pytest.fixture
+def crashing(node, folder, monkeypatch):
+    """A node whose law has ended its process, its law, and what gives it some states."""
+    file = made(folder / 'crashing.so', 'abort();')
+    more = {'law': 'crashing', 'custom_laws': [str(file)]}
+    monkeypatch.setattr(
+        controller_node, 'resolve', lambda scenario, changed: resolve(scenario, changed | more)
+    )
+    one, commands = node(controller_node.ControllerNode, topics.COMMANDS)
+    values = resolve('paper_circle')
+    message, motion = Simulator(configure_plant(values)).message, trajectory_of(values)
+    stamps = iter(range(10**9, 2 * 10**9, 10**6))  # ns
+
+    def give(count):
+        for stamp, _ in zip(stamps, range(count), strict=False):
+            now = Time(nanoseconds=stamp, clock_type=ClockType.ROS_TIME)
+            one.get_clock().set_ros_time_override(now)
+            reference = motion.sample(np.zeros(1))
+            one._on_reference(
+                reference_messages(one.loop.joints, np.array([stamp]), reference)[0].tobytes()
+            )
+            one._on_state(message(stamp))
+        return one._controller.fault
+
+    assert give(20) == faults.NONE and give(1) == faults.TORQUE_NOT_FINITE
+    yield one, file, give
+    assert len(commands) > 21
+
+
+def cleared(one):
+    return one._answer_clear_fault(Trigger.Request(), Trigger.Response())
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_node_starts_its_process_again_when_its_fault_is_cleared(crashing, monkeypatch):
+    one, _, give = crashing
+    works = []
+    monkeypatch.setattr(one.background, 'do', works.append)
+    told = 'the process of the law crashing has ended and starts again: clear once more'
+    for _ in range(2):
+        assert cleared(one).message == told
+    assert give(5) == faults.TORQUE_NOT_FINITE
+    for work in works:
+        work()
+    assert give(5) == faults.TORQUE_NOT_FINITE  # until a person says so
+    assert cleared(one).success and give(20) == faults.NONE
+    assert give(1) == faults.TORQUE_NOT_FINITE
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_node_runs_no_other_file_when_a_fault_is_cleared(crashing):
+    one, file, give = crashing
+    content = file.read_bytes()
+    file.write_bytes(content + b'x')
+    for _ in range(2):
+        assert not cleared(one).success and give(1) == faults.TORQUE_NOT_FINITE
+    with pytest.raises(InputError, match='is not the file that is meant'):
+        one.prepare_change({'law': 'crashing'})
+    file.write_bytes(content)
+    assert one.prepare_change({'law': 'crashing'})[0] == {'law': 'crashing'}
+    assert cleared(one).success and give(20) == faults.NONE
