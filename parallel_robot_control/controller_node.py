@@ -384,15 +384,17 @@ class ControllerNode(SuiteNode):
         law = self._controller.law
         if law.foreign is None or law.foreign.ready:
             return ''
-        self.background.do(partial(self._begin_law, law.name, law.foreign))
+        self.background.do(partial(self._begin_law, law.name, law.foreign, law.gains))
         return f'the process of the law {law.name} has ended and starts again: clear once more'
 
-    def _begin_law(self, name: str, law: Foreign) -> None:
+    def _begin_law(self, name: str, law: Foreign, gains: Any) -> None:
+        if law.ready:  # it was asked for twice
+            return
+        self.get_logger().warning(f'{name}: {law.failure(gains)}; it starts again')
         try:
             law.begin()
-            self.get_logger().info(f'the process of the law {name} is ready')
         except InputError as error:
-            self.get_logger().error(f'the law {name} does not start again: {error}')
+            self.get_logger().error(f'{name} does not start again: {error}')
 
     def _activate(self) -> str:
         """Send commands, from the end of the safe action on; returns why not."""
