@@ -99,6 +99,37 @@ def test_names_and_parameters_come_from_the_file_beside(folder, taken):
     assert not np.array_equal(run_of(taken).command, own.command)
 
 
+def renamed(file, taken, **names):
+    """A copy of an FMU that calls its variables otherwise."""
+    with zipfile.ZipFile(taken) as old, zipfile.ZipFile(file, 'w') as new:
+        for part in old.namelist():
+            content = old.read(part)
+            if part == 'modelDescription.xml':
+                for name, other in names.items():
+                    content = content.replace(
+                        f'name="{name}"'.encode(), f'name="{other}"'.encode()
+                    )
+            new.writestr(part, content)
+    return file
+
+
+def test_the_age_of_states_goes_by_its_name_or_that_of_the_file_beside(tmp_path):
+    late = {'sensor.delay': 0.002, 'sensor.stamp': 'measured'}
+    law = 'observer_s_fotsmc'
+    own = simulate('paper_circle', law=law, duration=SHORT, **late).command
+    file = made(tmp_path, 'taken', law)
+    other = renamed(tmp_path / 'other.fmu', file, age='since')
+    assert not np.array_equal(run_of(other, **late).command, own)
+    named = renamed(tmp_path / 'named.fmu', file, age='since')
+    named.with_suffix('.yaml').write_text('inputs: {age: since}\n')
+    np.testing.assert_array_equal(run_of(named, **late).command, own)
+
+
+def test_something_else_that_is_called_age_is_left_alone(tmp_path, taken):
+    other = renamed(tmp_path / 'other.fmu', taken, age='since', joins='age')
+    np.testing.assert_array_equal(run_of(other).command, run_of(taken).command)
+
+
 @pytest.mark.parametrize('fmi', [2, 3])
 def test_its_parameters_are_gains_where_the_file_beside_says_so(tmp_path, fmi):
     tuned = made(tmp_path, 'tuned', 's_fotsmc', '--fmi', str(fmi))
@@ -183,6 +214,8 @@ def test_what_it_says_of_a_failure_is_told(tmp_path, taken):
             r'torque\[1\] is a output of type Real, not a input',
         ),
         ('inputs: {position: 3}', 'must be an array, or a list of names, one for each joint'),
+        ('inputs: {age: [a]}', 'inputs.age must be a name, not'),
+        ('inputs: {age: joins}', 'joins is a parameter of type Boolean, not a input'),
         ('outputs: {fault: [a]}', 'outputs.fault must be a name, not'),
         ('parameters: {s_fotsmc.Gg: 1}', "unknown parameter of .* 's_fotsmc.Gg'; did you mean"),
         ('parameters: {s_fotsmc.G: x}', 'parameters.s_fotsmc.G must be a number'),

@@ -211,10 +211,13 @@ class FmuLaw:
         return found
 
     def _alone(self, given: dict[str, Any], role: str, known: str, types: tuple[str, ...]) -> Any:
-        """The variable of a name of the suite that is one number, if there is one."""
-        name = given.get(known, known)
-        found = known in given or name in self._variables
-        return self._of(name, role, types) if found else None
+        """The variable of a name of the suite that is one number: as given, or if one fits."""
+        if known in given:
+            return self._of(given[known], role, types)
+        variable = self._variables.get(known)
+        if variable is None or variable.causality != role or variable.shape:
+            return None
+        return variable if variable.type in types else None
 
     def _of(self, name: str, role: str, types: tuple[str, ...]) -> Any:
         """A variable of the FMU.
