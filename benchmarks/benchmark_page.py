@@ -12,20 +12,18 @@ HEAD = """\
 # Benchmarks
 
 Written by `make bench`, which runs all of [benchmarks/](../benchmarks) in turn and keeps every
-figure in `runs/bench_DATE.json`. Each figure is the median of its rounds, behind it in brackets
-the smallest, the largest and the number of rounds; a target is what we ask of the median. A peer
-is measured in the same process or in turns, and a ratio is that of one round.
+figure in `runs/bench_DATE.json`. Each figure is a median, behind it in brackets the smallest, the
+largest and the number of rounds; a target is for the median. A peer is measured in the same
+process or in turns, a ratio is that of one round.
 """
 TEXTS = {
     'kernels': (
         'Plant and closed loop, beside MuJoCo',
         """\
-Time of a step of 1 ms of the simulated robot, without ROS. *Plant* is the robot alone, with
-viscous and dry friction, under a constant torque; *closed loop* adds S-FOTSMC, the estimate of
-the pose, all limits and safety checks and the record of the run. The peer is MuJoCo in its own
-loop in C, without a controller: the same robot, as three two-link legs held to the platform by
-constraints, with the viscous friction alone. An hour is run second by second: neither time nor
-memory may grow.""",
+Time of a step of 1 ms, without ROS. *Plant* is the robot alone, with friction, under a constant
+torque; *closed loop* adds S-FOTSMC, all limits and checks and the record of the run. The peer is
+MuJoCo in its own loop in C, without a controller: the same robot, as three two-link legs held to
+the platform by constraints, with the viscous friction alone. An hour is run second by second.""",
     ),
     'machines': (
         'Machines from descriptions, beside MuJoCo and Pinocchio',
@@ -39,7 +37,7 @@ time of a whole run under S-FOTSMC, motion and record included.""",
         'Calibration',
         """\
 24 robots each, off by 1 mm and 2 mrad, measured with 10 um of noise in the poses of `calibrate
---design`: how often intervals cover the truth, and the true error that is left.""",
+--design`.""",
     ),
     'reading': (
         'Reading a bag',

@@ -26,9 +26,9 @@ One number for a list is for all its entries, as for all joints; joints that are
 N where rad and N m stand here. What can be changed while the loop runs:
 [nodes.md](nodes.md#switched-while-the-robot-moves). `make docs` writes this file.
 
-`ros2 param load` takes what `ros2 param dump` wrote of the same node. On a busy machine a request
-may get no answer ("client will not receive response" in the log), as the middleware drops one
-whose receiver it has not found within 0.1 s: call again.
+`ros2 param load` takes what `ros2 param dump` wrote of the same node. Where a
+request gets no answer ("client will not receive response" in the log), the middleware had not
+found its receiver within 0.1 s: call again.
 """
 DESCRIBED = [('robot', Described), ('safety', SafetyMargins), ('trajectory', MotionLimits)]
 LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
