@@ -85,6 +85,14 @@ def test_torque_of_a_sawtooth():
     assert evaluate(log).torque == torque
 
 
+def test_samples_too_far_apart_tell_no_chattering():
+    effort = np.tile([[1.0], [-1.0]], (50, 3))
+    (close, far) = (metrics.torque(step * np.arange(100), effort) for step in (0.01, 0.02))
+    assert close.chattering_nm > 0.5
+    assert np.isnan(far.chattering_nm) and far.total_variation_nm_per_s > 0.0
+    assert np.isnan(metrics.excess_chattering(0.02 * np.arange(100), effort, 0.5 * effort))
+
+
 def test_energy_is_the_work_of_each_motor_in_either_direction():
     """A constant torque on a joint that swings: twice the width of the swing in each turn."""
     position, effort = still([0, 0, 0]), still([0, -3.0, 2.0])

@@ -56,7 +56,7 @@ class Torque(NamedTuple):
         max_nm: Largest absolute torque of any joint [N m].
         total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
         chattering_nm: Root mean square, over all joints and the window, of the torque minus its
-            moving mean over SMOOTH [N m].
+            moving mean over SMOOTH [N m]; NaN of samples too far apart for one.
     """
 
     max_nm: float
@@ -439,12 +439,18 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
 
 def smooth_over(time: np.ndarray) -> int:
     """Samples on each side of a moving mean over SMOOTH; `time` of samples [s], shape (N,)."""
-    step = float(np.median(np.diff(time))) if len(time) > 1 else SMOOTH
-    return max(0, round(0.5 * SMOOTH / step))
+    if len(time) < 2:
+        return 1
+    return max(0, round(0.5 * SMOOTH / float(np.median(np.diff(time)))))
 
 
 def rough(torque: np.ndarray, half: int) -> np.ndarray:
-    """Torques minus their moving mean over so many samples on each side, shape (N, n)."""
+    """Torques minus their moving mean over so many samples on each side, shape (N, n).
+
+    NaN without a sample on each side: what changes between the samples is not known then.
+    """
+    if not half:
+        return np.full_like(torque, math.nan)
     share = np.full(2 * half + 1, 1.0 / (2 * half + 1))
     longer = np.pad(torque, ((half, half), (0, 0)), mode='edge')
     return torque - np.apply_along_axis(np.convolve, 0, longer, share, 'valid')
