@@ -12,9 +12,10 @@ from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_
 from mcap.writer import Writer
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import recording, run_log, simulation_bag
+from parallel_robot.bags import recording, run_log, simulation_bag, state_doubts
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, KinematicsError
+from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
@@ -52,6 +53,17 @@ def test_a_foreign_bag_is_read(record):
     assert np.array_equal(log.reference_position, REFERENCE)
     assert np.array_equal(log.effort, EFFORT) and np.array_equal(log.command, EFFORT)
     assert counts(log) == dict.fromkeys(counts(log), (COUNT, 0)) and len(counts(log)) == 3
+
+
+def test_joints_that_look_like_degrees_are_told(record, tmp_path):
+    degrees = np.degrees(POSITION)
+    far = np.abs(degrees).max()
+    log = record(streams(REFERENCE, degrees, EFFORT))
+    assert any(
+        f'a joint reaches {far:.4g} rad' in text and 'degrees?' in text for text in log.warnings
+    )
+    slides = state_doubts.doubts(tmp_path / 'bag', log.stamps, degrees, JointUnits((True,) * 3))
+    assert not any('degrees' in text for text in slides)
 
 
 @pytest.mark.parametrize('path', ['bag', 'bag/bag_0.mcap'])

@@ -1,7 +1,8 @@
-"""Doubts about recorded states: several recordings taken for one, several publishers."""
+"""Doubts about recorded states: several recordings taken for one, several publishers, degrees."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,14 @@ from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 
 GAP = 1.0  # s without states, in which a robot is not recorded
 LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
+TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
 BACK = 0.1  # of a leap, by which its ends may differ
 
 
 def doubts(
     bag: Path, stamps: np.ndarray, position: np.ndarray, units: JointUnits = HINGES
 ) -> list[str]:
-    """What makes recorded states look like those of more than one run, one line each.
+    """What makes recorded states look like those of more than one run, or unit, one line each.
 
     Args:
         bag: The bag.
@@ -40,6 +42,11 @@ def doubts(
     if leaps:
         what = f'{leaps} states leap by more than {LEAP:g} {units.of("rad")} and back'
         found.append(f'{what}: two publishers that contradict each other?')
+    slides = np.array(units.slides or (False,) * position.shape[1])
+    far = float(np.abs(position[:, ~slides]).max(initial=0.0))
+    if far > TURN:
+        what = f'a joint reaches {far:.4g} rad, {far / TURN:.3g} turns'
+        found.append(f'{what}: joint_states are in radians; degrees?')
     back = np.diff(stamps) < 0
     if back.any():
         what = f'the stamps of states go back by up to {-steps.min():.3g} s'
