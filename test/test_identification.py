@@ -1,6 +1,7 @@
 """Identification against Table 1 of the paper, with noise, and on motions that do not suffice."""
 
 import weakref
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from assembly import simulated
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.studies.identification import (
     identified,
+    kept_motion,
     least_squares,
     measured_motion,
     motor_lag,
@@ -335,6 +337,7 @@ def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
     """Whoever looks at the windows keeps little of them, and copies, not views of all."""
     for module in (measured_motion, motor_lag, rest):
         monkeypatch.setattr(module, 'LONGEST', 1500)
+    monkeypatch.setattr(kept_motion, 'HELD', 1000)
     whole, made, most = log_of(excited), [], []
 
     def windows():
@@ -355,10 +358,17 @@ def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
         still.add(log)
         stretch.add(log)
     assert stretch.lag() and max(most) <= 16
-    found = measured_motion.RunMotion(windows(), windows, 1e-3, (), LIMIT)
+    found = measured_motion.RunMotion(windows(), 1e-3, (), LIMIT)
     result = identified.identify(excited.nominal, found, CUTOFF)
     assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
-    assert len(most) >= 5 * 31 and max(most) <= 16
+    assert len(most) == 2 * 31 and max(most) <= 16  # each is read once
+
+
+def test_a_motion_for_which_the_disk_has_no_room_costs_one_line(excited, monkeypatch):
+    with Path('/dev/full').open('wb+', buffering=0) as full:
+        monkeypatch.setattr(kept_motion.tempfile, 'SpooledTemporaryFile', lambda _: full)
+        with pytest.raises(InputError, match=r'cannot keep the motion .* TMPDIR'):
+            measured_motion.of(log_of(excited), (), LIMIT)
 
 
 def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):

@@ -53,10 +53,6 @@ class RunWindows:
         """
         return self._evaluated(lambda windows: evaluate(self._alike(windows)))
 
-    def windows(self) -> Iterator[RunLog]:
-        """The windows, after :meth:`evaluated` has gone through them once."""
-        return self._alike(self._recordings())
-
     def _evaluated(self, evaluate: Callable[[Iterator[Recording]], Result]) -> Result:
         if self._whole is None:
             try:

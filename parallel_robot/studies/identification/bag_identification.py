@@ -213,9 +213,7 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
                 yield log
 
         with _naming(bag):
-            motion = RunMotion(
-                seen(), run.windows, run.period, run.history.statuses, limit, known(config)
-            )
+            motion = RunMotion(seen(), run.period, run.history.statuses, limit, known(config))
         warnings = _told(bag, (*told.lines, *motion.left_out))
         return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
 

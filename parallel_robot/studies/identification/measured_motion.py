@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.span import FIRST
 from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot.studies.identification.kept_motion import KeptParts
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
@@ -104,7 +105,7 @@ class Motion(Protocol):
 
 
 class RunMotion:
-    """Motion of a run that may be too long to be held: its windows are read anew each time.
+    """Motion of a run that may be too long to be held in memory.
 
     Attributes:
         period: As of :class:`MeasuredMotion`, like the others.
@@ -112,8 +113,7 @@ class RunMotion:
 
     def __init__(
         self,
-        first: Iterable[RunLog],
-        again: Callable[[], Iterator[RunLog]],
+        windows: Iterable[RunLog],
         period: float,
         statuses: Sequence[ControllerStatus],
         torque_limit: Array,
@@ -122,8 +122,7 @@ class RunMotion:
         """Look through the run.
 
         Args:
-            first: Its windows.
-            again: The same, from the first one on each time.
+            windows: Its windows.
             period: Time between two states [s].
             statuses: Statuses of the controller, in order.
             torque_limit: Saturation of the motors [N m], shape (n,).
@@ -131,8 +130,9 @@ class RunMotion:
 
         Raises:
             BagError: no torque was recorded, or the robot did not move.
+            InputError: there is no room to keep it.
         """
-        self.period, self._again = period, again
+        self.period, self._kept = period, KeptParts()
         self._statuses, self._limit, self._zero = statuses, torque_limit, zero
         states, self.count, self.duration = 0, 0, 0.0
         bad = {'after a fault': 0, 'motors saturated': 0}
@@ -143,7 +143,7 @@ class RunMotion:
 
         def noted() -> Iterator[RunLog]:
             nonlocal joints, units
-            for log in first:
+            for log in windows:
                 joints, units = log.joints, log.units
                 yield log
 
@@ -155,6 +155,7 @@ class RunMotion:
             bad['motors saturated'] += int((~motion.usable & ~faulted).sum())
             moving |= motion.effort.any(axis=0)
             speed.add(motion)
+            self._kept.add(motion.time, motion.position, motion.effort, motion.usable)
         silent = [joint for joint, moves in zip(joints, moving, strict=True) if not moves]
         if silent:
             raise BagError(f'the effort of {", ".join(silent)} is zero in every joint state')
@@ -168,7 +169,8 @@ class RunMotion:
 
     def windows(self) -> Iterator[MeasuredMotion]:
         """Parts that follow each other, from the first one on each time."""
-        return (motion for motion, _ in self._parts(self._again()))
+        for time, position, effort, usable in self._kept:
+            yield MeasuredMotion(time, position, effort, usable)
 
     def _parts(self, logs: Iterator[RunLog]) -> Iterator[tuple[MeasuredMotion, NDArray[np.bool_]]]:
         """Motion in each window, and which of its states were in a fault."""
@@ -231,7 +233,7 @@ def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -
     """What can be used of a run that is held; arguments and errors as of :class:`RunMotion`."""
     steps = np.diff(log.time)
     period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    return RunMotion([log], lambda: iter([log]), period, statuses, torque_limit)
+    return RunMotion([log], period, statuses, torque_limit)
 
 
 def stretches(motion: Motion, shortest: int) -> Iterator[MeasuredMotion]:
