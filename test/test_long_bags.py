@@ -1,6 +1,7 @@
 """A bag that is read in windows has the figures of the same bag that is read as a whole."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from parallel_robot.bags import (
     indexed_reader,
     recorded_robot,
     recording,
+    recovery,
     run_log,
     simulation_bag,
     window_streams,
@@ -241,6 +243,18 @@ def test_bags_of_others(bag, tmp_path, windows):
     whole, long, _ = both(windows, tmp_path / 'bag', (0.5, None), view)
     assert_alike(long.metrics, whole.metrics)
     assert long.log.messages == whole.log.messages
+
+
+@pytest.mark.parametrize('share', [0.4, 0.9, 1.0])
+def test_a_bag_that_was_not_closed(share, bag, tmp_path, windows):
+    (path,) = bag.glob('*.mcap')
+    data = path.read_bytes()
+    (tmp_path / 'cut').mkdir()
+    (tmp_path / 'cut' / path.name).write_bytes(data[: round(share * len(data)) - 20])
+    shutil.copy(bag / 'metadata.yaml', tmp_path / 'cut')
+    whole = assert_same(windows, tmp_path / 'cut')
+    recovery.recover(tmp_path / 'cut', tmp_path / 'recovered')
+    assert_alike(evaluate(tmp_path / 'recovered').metrics, whole.metrics)
 
 
 @pytest.mark.parametrize('part', [(None, None), (1.0, 2.5)])

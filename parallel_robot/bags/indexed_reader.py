@@ -79,12 +79,13 @@ class BagReader:
         damage: What :meth:`arrays` left out.
     """
 
-    def __init__(self, bag: str | Path, memory: int = MEMORY) -> None:
+    def __init__(self, bag: str | Path, memory: int = MEMORY, unclosed: bool = False) -> None:
         """Read the index.
 
         Args:
             bag: Directory of the bag, or its MCAP file.
             memory: What may be held of it at once [bytes].
+            unclosed: Whether one that was not closed is walked through for its index.
 
         Raises:
             BagError: not a bag, or one without index.
@@ -94,6 +95,8 @@ class BagReader:
         self._bag = Path(bag)
         self._memory = memory
         self._size = 0
+        self._unclosed = unclosed
+        self._walked: set[Path] = set()  # files without an index of their own
         self.damage: list[Damage] = []
         self._names: dict[Path, dict[int, str]] = {}  # of topics, by number of channel
         chunks: list[_Chunk] = []
@@ -175,10 +178,13 @@ class BagReader:
                 release(chunk.data)
 
     def without(self, topics: Collection[str]) -> dict[Path, set[int]]:
-        """Where chunks begin that hold none of some topics, by file."""
+        """Where chunks begin that hold none of some topics, by file.
+
+        Those of a file without summary are not told: they alone say what its topics are.
+        """
         found: dict[Path, set[int]] = {}
         for chunk in self._chunks:
-            if not {*topics} & {*chunk.channels.values()}:
+            if chunk.path not in self._walked and not {*topics} & {*chunk.channels.values()}:
                 found.setdefault(chunk.path, set()).add(chunk.offset)
         return found
 
@@ -209,6 +215,11 @@ class BagReader:
         name = printable(path, MAX_LINE_LENGTH)
         bag_kinds.check(path, file)
         end, records = mcap_records.summarised(*file, INDEX)
+        if end is None and self._unclosed:
+            walked = mcap_records.index(*file)
+            if walked is not None:
+                end, records = len(file.data), walked
+                self._walked.add(path)
         if end is None:
             raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off; {HELP}')
         statistics = next((r for r in records if isinstance(r, Statistics)), None)

@@ -12,7 +12,7 @@ from zlib import crc32
 import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, ChunkIndex, Header, Metadata, Schema, Statistics
 
 from parallel_robot.bags.bag_files import release
 from parallel_robot.bags.limits import ATTACHMENT, CHUNK_INDEX, DESCRIPTION, Allowance
@@ -165,6 +165,62 @@ def summarised(
     allowance.hold(CHUNK_INDEX * chunks)  # a long bag has many
     records = [_parsed(_record(data, start), kinds) for start in wanted]
     return begin, [record for record in records if record is not None]
+
+
+def index(data: memoryview, allowance: Allowance) -> list[Any] | None:
+    """What the summary of a file would hold that was not closed; None where more is wrong with it.
+
+    Its last record may be cut off. Messages outside chunks are not indexed.
+
+    Args:
+        data: The file.
+        allowance: Budget for reading it.
+
+    Raises:
+        BagError: it takes more.
+    """
+    if data[: len(MAGIC)] != MAGIC:
+        return None
+    chunks: list[ChunkIndex] = []
+    described: dict[tuple[type, int], Any] = {}  # by kind and number: many chunks repeat them
+    known, counts = np.zeros(1 << 16, bool), np.zeros(1 << 16, np.int64)
+    offset = held = len(MAGIC)
+    while offset < len(data) and data[offset] != Opcode.DATA_END:
+        end = _end(data, offset, len(data))
+        if end is None and _next_chunk(data, offset + 1, len(data)) == len(data):
+            break
+        if end is None or data[offset] == Opcode.MESSAGE:
+            return None
+        record = data[offset:end]
+        allowance.walk(1)
+        if data[offset] == Opcode.CHUNK:
+            content = chunk_content(record, allowance)
+            if content is None:
+                return None
+            for part in _records(content, known, allowance):
+                if isinstance(part, Damage):
+                    return None
+                if not isinstance(part, Block):
+                    described[type(part), part.id] = part
+                    continue
+                heads = part.heads()
+                counts += np.bincount(heads['channel'], minlength=len(counts))
+                times = int(heads['log_time'].min()), int(heads['log_time'].max())
+                allowance.hold(CHUNK_INDEX)
+                indexed = ChunkIndex(end - offset, offset, '', 0, times[1], 0, {}, times[0], 0)
+                chunks.append(indexed)
+        elif data[offset] in (Opcode.SCHEMA, Opcode.CHANNEL):
+            allowance.describe()
+            parsed = _parsed(record)
+            described[type(parsed), parsed.id] = parsed
+            known[parsed.id] |= isinstance(parsed, Channel)
+        offset = end
+        if offset > held + HELD:
+            release(data)
+            held = offset
+    by_channel = {int(k): int(counts[k]) for k in np.flatnonzero(counts)}
+    counted = Statistics(0, 0, by_channel, 0, int(counts.sum()), 0, 0, 0, 0)
+    return [*described.values(), *chunks, counted]
 
 
 def messages_at(data: memoryview, offset: int, allowance: Allowance) -> Block | None:

@@ -130,7 +130,8 @@ def chunks(
     """Read a bag of any length in windows, one after the other, each message in one of them.
 
     All of them together have the states, answers and counts of :func:`read`; only what a broken
-    file lacks may be counted otherwise. A bag without an index, as one cut off, is read at once.
+    file lacks may be counted otherwise. A bag without an
+    index, of sqlite3 or damaged, is read at once.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
@@ -150,14 +151,14 @@ def chunks(
 
 
 def size(bag: str | Path, view: BagView = AS_RECORDED) -> tuple[float, int]:
-    """Duration of a bag [s] and about how many states it has; zero where no index tells it.
+    """Duration of a bag [s] and about how many states it has; zero where that is not known.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         view: What it does not say itself.
     """
     try:
-        reader = BagReader(bag)
+        reader = BagReader(bag, unclosed=True)
     except BagError:
         return 0.0, 0
     kinds = {name: topic.type for name, topic in reader.topics.items()}
@@ -346,7 +347,7 @@ class _Source:
     def _indexed(self) -> BagReader | None:
         """The bag by its index; None where that does not lead to all of a run."""
         try:
-            reader = BagReader(self._bag, self._memory)
+            reader = BagReader(self._bag, self._memory, unclosed=True)
         except BagError:
             return None
         kinds = {name: topic.type for name, topic in reader.topics.items()}
