@@ -11,7 +11,7 @@ from bags import STORE, content, write_foreign
 import parallel_robot as pr
 from parallel_robot.bags import indexed_reader, pose_topics, recorded_robot
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.calibration import bag_calibration, near_states
+from parallel_robot.studies.calibration import bag_calibration, near_states, picture
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
@@ -68,8 +68,9 @@ def tracker(file, header, table):
 
 
 def test_the_true_robot_is_found_and_its_file_makes_a_loop_right(case, tmp_path, capsys):
-    out = tmp_path / 'robot.yaml'
-    words = ('calibrate', case.bag, '--poses', case.poses, '--out', out, '--format', 'json')
+    out, figure = tmp_path / 'robot.yaml', tmp_path / 'calibrated.png'
+    words = ('calibrate', case.bag, '--poses', case.poses, '--out', out, '--figure', figure)
+    words = (*words, '--format', 'json')
     capsys.readouterr()
     assert run(*words) == 0
     found = json.loads(capsys.readouterr().out)
@@ -84,6 +85,7 @@ def test_the_true_robot_is_found_and_its_file_makes_a_loop_right(case, tmp_path,
     assert not found['kept'] and not found['not_told']  # it moves, so clocks can be compared
     assert abs(unknown['clock']['estimate']) < 1e-4
     assert found['pose_error_rms']['x']['noise'] == pytest.approx(1e-5, rel=0.15)
+    assert figure.read_bytes().startswith(b'\x89PNG')
     # The file is a configuration of which a loop is right.
     content = yaml.safe_load(out.read_text())
     values = config.flat(content)
@@ -103,6 +105,32 @@ def test_the_table_says_what_was_found_and_python_finds_the_same(case, whole, ca
     assert 'robot.base_y[2]' in out and 'condition number' in out and 'phi [µrad]' in out
     assert whole.values['robot.l1'] == pytest.approx(whole.robot.parameters.l1, rel=1e-9)
     assert whole.values['estimator.zero_angle'] == whole.values['sensor.zero_angle']
+
+
+@pytest.mark.parametrize('suffix', ['png', 'pdf', 'svg'])
+def test_the_picture_has_the_errors_before_and_after_and_the_changes(whole, tmp_path, suffix):
+    drawn = picture.draw(whole.model, whole.found)
+    errors = [axes for axes in drawn.axes if axes.get_ylabel().startswith('|error| of ')]
+    assert [axes.get_ylabel() for axes in errors] == [
+        f'|error| of {name}' for name in ('x [µm]', 'y [µm]', 'phi [µrad]')
+    ]
+    rms = whole.as_data()['pose_error_rms']
+    for axes, name in zip(errors, rms, strict=True):
+        lines = {line.get_label(): 1e-6 * line.get_ydata() for line in axes.lines[:2]}
+        for when in ('before', 'now'):
+            assert np.sqrt(np.mean(lines[when] ** 2)) == pytest.approx(rms[name][when])
+    changes = {
+        label.get_text(): x
+        for axes in drawn.axes[len(errors) :]
+        for label, x in zip(axes.get_yticklabels(), axes.lines[0].get_xdata(), strict=True)
+    }
+    assert [*changes] == [each.name for each in whole.model.unknown]
+    change = whole.values['robot.l1'] - 0.4
+    assert 1e-6 * changes['robot.l1'] == pytest.approx(change, rel=1e-6)
+    whole.save_figure(tmp_path / f'picture.{suffix}')
+    assert (tmp_path / f'picture.{suffix}').stat().st_size > 5000
+    with pytest.raises(InputError, match='cannot write'):
+        whole.save_figure(tmp_path / 'nowhere' / f'picture.{suffix}')
 
 
 def test_stamps_other_columns_and_gaps_in_the_tracker_do_not_matter(case, whole, tmp_path):
@@ -261,6 +289,7 @@ def test_one_topic_of_poses_is_chosen(case, whole, tmp_path, capsys):
         (['{bag}', '--poses', '{late}'], 'no pose was measured while the joints were recorded'),
         (['{bag}', '--poses', '{few}'], '3 poses of 3 numbers are too few for 16 unknown'),
         (['{bag}', '--poses', '{poses}', '--out', '{poses}'], 'exists; nothing is overwritten'),
+        (['{bag}', '--poses', '{poses}', '--figure', '{tmp}/x.txt'], 'unknown picture format'),
         (['{bag}', '--poses', '{poses}', '--set', 'robot.l1=1'], '--override permits that'),
         (['{bag}', '--poses', '{poses}', '--free', 'fram'], "did you mean 'frame'?"),
         ([], 'takes either a bag or --scenario'),

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, overload
 
+from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import new_files, recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration, modes
@@ -26,6 +27,7 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
+    figure: Place | None = None,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
     **options: Any,
@@ -48,6 +50,7 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
+    figure: Place | None = None,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
     scenario: Place | None = None,
@@ -68,6 +71,7 @@ def calibrate(
         pose_topic: Topic of measured poses in the bag; default: the only one.
         free: What is unknown of the tracker: ``frame``, ``target``.
         out: YAML file of the robot, or of the motion, for ``param_file``; it must not exist.
+        figure: Picture of the errors of the poses and of what was changed; likewise.
         trust: Whether the file of a custom robot in the bag may run.
         custom_robots: Files of custom robots of yours.
         scenario: Without a bag, the scenario around whose first pose others are chosen; else what
@@ -95,6 +99,7 @@ def calibrate(
         'bag': bag,
         'poses': poses,
         'pose-topic': pose_topic,
+        'figure': figure,
         'free': free,
         'trust': trust,
         'scenario': scenario,
@@ -104,6 +109,9 @@ def calibrate(
     mode, file = modes.mode(options), arguments.optional('out', out)
     if file is not None:
         new_files.check(file, 'out')
+    picture = arguments.optional('figure', figure)
+    if picture is not None:
+        check_new(picture)
     if mode == modes.DESIGN:
         name = named('scenario', scenario)
         chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
@@ -122,4 +130,6 @@ def calibrate(
     )
     if file is not None:
         found.write(file)
+    if picture is not None:
+        found.save_figure(picture)
     return found

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import new_files
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
@@ -40,6 +41,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
     )
+    parser.add_argument(
+        '--figure',
+        type=Path,
+        metavar='FILE',
+        help='errors of the poses before and after, and the changes: png, pdf, svg',
+    )
     add_format_argument(parser)
     parser.add_argument(
         '--scenario',
@@ -62,6 +69,8 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
         new_files.check(arguments.out, '--out')
+    if arguments.figure:
+        check_new(arguments.figure)
     others = {
         'pose-topic': arguments.pose_topic,
         'topic': arguments.topics,
@@ -83,7 +92,10 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'warning: {warning}', file=sys.stderr)
     if arguments.out:
         found.write(arguments.out)
-    files = [f'robot   {arguments.out}'] if arguments.out else []
+    if arguments.figure:
+        found.save_figure(arguments.figure)
+    written = {'robot': arguments.out, 'figure': arguments.figure}
+    files = [f'{name:8}{path}' for name, path in written.items() if path]
     show(arguments.format, found.parts(), found.as_data(), files)
     return 0
 

@@ -85,6 +85,16 @@ class Calibration(ShownResult):
         """The results as plain data, as ``--format json`` has them."""
         return readable.as_data(self.model, self.found)
 
+    def save_figure(self, path: Path) -> None:
+        """Write a picture of the errors and changes into a file that must not exist.
+
+        Raises:
+            InputError: the suffix is of no picture format, or it cannot be written.
+        """
+        from parallel_robot.studies.calibration import picture  # slow to import: only when drawn
+
+        picture.save(self.model, self.found, path)
+
     def write(self, out: Path) -> None:
         """Write the robot as YAML, for ``--param-file``, into a file that must not exist.
 

@@ -10,7 +10,10 @@ from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 BAG, DESIGN = 'bag', 'design'
-OF_BAG = ('poses', 'pose-topic', 'trust', 'topic', 'namespace', 'joints', 'override', 'from', 'to')
+OF_BAG = (
+    *('poses', 'pose-topic', 'figure', 'trust', 'topic', 'namespace', 'joints', 'override'),
+    *('from', 'to'),
+)
 
 
 def mode(options: Mapping[str, Any]) -> str:
