@@ -6,6 +6,8 @@ quick commands, and some meet all.
 
 import json
 import os
+import struct
+from contextlib import nullcontext
 from pathlib import Path
 
 import hostile_bags
@@ -17,7 +19,7 @@ from warm_process import WarmProcess
 
 from parallel_robot.analysis import cross_coupling
 from parallel_robot.analysis.report import runs
-from parallel_robot.bags import recording, recovery
+from parallel_robot.bags import indexed_reader, recording, recovery
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
 from parallel_robot.cli.command_line import main
@@ -172,6 +174,35 @@ def test_a_report_reads_what_analyze_reads(name, make, good, tmp_path):
     assert np.array_equal(found[0].time, found[1].time)
     assert np.array_equal(found[0].values, found[1].values)
     assert [*runs.read_runs([bag])] == ['paper_circle']
+
+
+EMPTY_CHUNK = b'\6' + struct.pack('<4Q2IQ', 40, 0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize('name', ['cut', 'cut in the index', 'empty chunk', 'twice', 'flipped'])
+def test_windows_of_a_bag_without_its_end_are_the_whole_of_it(name, good, tmp_path, monkeypatch):
+    monkeypatch.setattr(indexed_reader, 'LARGE', 1)
+    cut = good.data[: len(good.data) * 2 // 3]
+    data = {
+        'cut': cut,
+        'cut in the index': good.data[:-500],
+        'empty chunk': cut[:8] + EMPTY_CHUNK + cut[8:],
+        'twice': cut + good.data,
+        'flipped': cut[: len(cut) // 2]
+        + bytes([cut[len(cut) // 2] ^ 1])
+        + cut[len(cut) // 2 + 1 :],
+    }[name]
+    hostile_bags.put(good, tmp_path / 'bag', data=data)
+    whole = recording.read(tmp_path / 'bag').log
+    windows = [window.log for window in recording.chunks(tmp_path / 'bag', 0.013)]
+    damaged = pytest.raises(BagError, match='cut off')
+    with damaged if name in ('twice', 'flipped') else nullcontext():
+        assert BagReader(tmp_path / 'bag', unclosed=True).counts['/joint_states'] == len(
+            whole.time
+        )
+    for values in ('stamps', 'time', 'position', 'effort', 'answer'):
+        found = np.concatenate([getattr(window, values) for window in windows])
+        assert np.array_equal(found, getattr(whole, values), equal_nan=True)
 
 
 def test_analyze_overwrites_nothing(good, tmp_path, capsys):
