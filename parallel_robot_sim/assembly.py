@@ -22,7 +22,7 @@ from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.motor_timeout import Patience
 from parallel_robot_sim.plant import MUJOCO, PlantSetup, PlantState, stepping
 from trajectory_gen import preflight
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.trajectory import Reference, Trajectory
 
 
 class Plant(NamedTuple):
@@ -49,16 +49,22 @@ class Experiment(NamedTuple):
         trajectory: Desired motion, which the robot can perform.
         control: The controller.
         plant: The plant.
+        known: The first samples of the motion, if they were wanted.
     """
 
     loop: LoopParameters
     trajectory: Trajectory
     control: Control
     plant: Plant
+    known: Reference | None = None
 
 
-def assemble(configuration: Configuration) -> Experiment:
+def assemble(configuration: Configuration, samples: int = 0) -> Experiment:
     """Put an experiment together.
+
+    Args:
+        configuration: The configuration.
+        samples: Number of samples of the motion that are wanted.
 
     Raises:
         InputError: the robot cannot perform the motion or does not reach its initial pose, or a
@@ -66,8 +72,10 @@ def assemble(configuration: Configuration) -> Experiment:
     """
     controller = control.assemble(configuration.control)
     plant = assemble_plant(configuration.plant)
-    preflight.check(configuration.trajectory, configuration.loop.period)
-    return Experiment(configuration.loop, configuration.trajectory, controller, plant)
+    trajectory, period = configuration.trajectory, configuration.loop.period
+    known = trajectory.sample(np.arange(samples) * period) if samples else None
+    preflight.check(trajectory, period, known)
+    return Experiment(configuration.loop, trajectory, controller, plant, known)
 
 
 def assemble_plant(configuration: PlantConfiguration) -> Plant:

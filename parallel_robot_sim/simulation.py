@@ -298,14 +298,18 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
     loop, period = configuration.loop, configuration.loop.period
     with locating(configuration.values):
         samples = samples_of(configuration, LONGEST)
-        experiment = assemble(configuration)
+        experiment = assemble(configuration, min(samples, size or AT_ONCE))
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
+    known = experiment.known
     run(control, plant, trajectory.sample(0.0), period)  # compiles the loop, or loads it
     state = begin(control, plant)
     first, first_fault = 0, None
     while first < samples:
         stop = min(samples, max(first + (size or AT_ONCE), calm(plant, period)))
-        reference = trajectory.sample(np.arange(first, stop) * period)
+        if known is not None and stop == len(known.pose):
+            reference, known = known, None
+        else:
+            reference = trajectory.sample(np.arange(first, stop) * period)
         begun = time.perf_counter()
         course = undisturbed if first else partial(course_of, plant)
         made = run_part(control, plant, course(reference, period), state, period, first)

@@ -12,6 +12,7 @@ from parallel_robot_model.robots.planar_3rrr import MotionLimits
 from parallel_robot_sim.configuration import configure
 from trajectory_gen.configuration import resolve, trajectory_of
 from trajectory_gen.preflight import check
+from trajectory_gen.trajectory import Trajectory
 
 PERIOD = 1e-3  # s
 FREE = {'min_sin_psi': 0.0, 'max_condition': np.inf, 'max_joint_speed': np.inf}
@@ -147,3 +148,27 @@ def test_a_speed_just_above_the_limit_has_digits_that_say_so():
 def test_a_value_just_out_of_range_has_digits_that_say_so():
     with pytest.raises(InputError, match=r'period must be from 0.0001 to 0.1 s, not 0.10000001'):
         configure(config.resolve('paper_circle', {'period': 0.10000001}))
+
+
+@pytest.mark.parametrize('end', [(0.56, 0.4), (1.6, 0.37)])
+def test_known_samples_are_not_computed_again(end, monkeypatch):
+    motion, found = move(end), []
+    known = motion.sample(np.arange(1001) * PERIOD)
+    for given in (None, known):
+        with monkeypatch.context() as patch:
+            if given is not None:
+                patch.delattr(Trajectory, 'sample')
+            try:
+                found.append(check(motion, PERIOD, given))
+            except MotionError as error:
+                found.append(str(error))
+    assert found[0] == found[1] and (found[0] is None) == (end[0] < 1.0)
+
+
+def test_too_few_known_samples_are_not_taken():
+    motion, refusals = move((1.6, 0.37)), set()
+    for count in (1001, 500):
+        with pytest.raises(MotionError) as caught:
+            check(motion, PERIOD, motion.sample(np.arange(count) * PERIOD))
+        refusals.add(str(caught.value))
+    assert len(refusals) == 1

@@ -6,7 +6,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import MotionError
 from parallel_robot_model.robots.feasibility import first_sample
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.trajectory import Reference, Trajectory
 
 MOST_SAMPLES = 100_000  # samples of a motion that are checked
 ROUNDING = 1e-9  # of a mean speed, relative
@@ -19,7 +19,7 @@ def grid(trajectory: Trajectory, period: float) -> np.ndarray:
     return np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)
 
 
-def check(trajectory: Trajectory, period: float) -> None:
+def check(trajectory: Trajectory, period: float, known: Reference | None = None) -> None:
     """Refuse a motion that the robot cannot perform.
 
     Every sample (of a very long motion, MOST_SAMPLES of them) is checked for joint speed and
@@ -28,17 +28,27 @@ def check(trajectory: Trajectory, period: float) -> None:
     Args:
         trajectory: The motion.
         period: Time between samples [s].
+        known: Its first samples, one per period, which then are not computed again.
 
     Raises:
         MotionError: it names the time, the part that fails and the allowed value.
     """
     times = grid(trajectory, period)
     for first in range(0, len(times), AT_ONCE):
-        _check(trajectory, times[first : first + AT_ONCE + 1])  # the last is the next first
+        part = times[first : first + AT_ONCE + 1]  # the last is the next first
+        reference = known and _rows(known, first, part, period)
+        _check(trajectory, part, reference or trajectory.sample(part))
 
 
-def _check(trajectory: Trajectory, times: np.ndarray) -> None:
-    reference = trajectory.sample(times)
+def _rows(known: Reference, first: int, times: np.ndarray, period: float) -> Reference | None:
+    """The rows from `first` on, if they are there and of exactly these times."""
+    stop = first + len(times)
+    if len(known.pose) < stop or not np.array_equal(times, np.arange(first, stop) * period):
+        return None
+    return Reference._make(each[first:stop] for each in known)
+
+
+def _check(trajectory: Trajectory, times: np.ndarray, reference: Reference) -> None:
     robot, fastest = trajectory.robot, trajectory.parameters.max_joint_speed
     failures = robot.module.infeasible(robot.parameters, trajectory.limits, reference)
     unreached = np.flatnonzero(reference.out_of_reach >= 0)

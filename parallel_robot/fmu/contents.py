@@ -226,8 +226,8 @@ def loop_contents(configuration: Configuration) -> Contents:
         raise InputError(
             f'duration must be at most {longest:g} s in an FMU, which holds the motion', 'duration'
         )
-    preflight.check(configuration.trajectory, law.period)
     reference = configuration.trajectory.sample(np.arange(count) * law.period)
+    preflight.check(configuration.trajectory, law.period, reference)
     variables = [
         each._replace(role='output') if each.name.startswith('reference.') else each
         for each in law.variables

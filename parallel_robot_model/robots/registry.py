@@ -136,7 +136,7 @@ class RobotModel(NamedTuple):
         if not hasattr(function, 'py_func'):
             raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
         try:
-            value = FirstClass(function, self.constants, *example)
+            value = FirstClass(function, _constants(self), *example)  # their type counts
         except Exception as error:  # Numba has many
             cause = reason(error, function.py_func)
             see = SEE if 'Vector(' in cause else ''

@@ -189,11 +189,11 @@ def _dynamics(
 
 def _bound(robot: RobotModel, name: str, *example: Any) -> Callable[..., Any]:
     """A kernel of the robot with its constants."""
-    function = robot.kernel(name, *example)
+    function, constants = robot.kernel(name, *example), robot.constants
 
     def called(*arguments: Any) -> Any:
         with blaming(f'{robot.name}: {name}'):
-            return function(robot.constants, *arguments)
+            return function(constants, *arguments)
 
     return called
 

@@ -138,5 +138,6 @@ def _measured(each: Prepared) -> Outcome:
 @functools.lru_cache(maxsize=2)
 def _reference(trajectory: Trajectory, period: float, last: int) -> Reference:
     """The motion of a trajectory, checked and sampled once for all runs that share it."""
-    preflight.check(trajectory, period)
-    return trajectory.sample(np.arange(last + 1) * period)
+    reference = trajectory.sample(np.arange(last + 1) * period)
+    preflight.check(trajectory, period, reference)
+    return reference
