@@ -172,7 +172,10 @@ def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float
 def _step(
     mechanism: Mechanism, workspace: Workspace, q: Array, share: float, bent: float, length: float
 ) -> bool:
-    """Go a share of the way, and close the loops there with the factors from its begin."""
+    """Go a share of the way, and close the loops there with the factors from its begin.
+
+    Those of the trial take their place once where that saves corrections of the last step.
+    """
     trial, here, way = workspace.trial, workspace.here, workspace.way
     bent *= share
     length *= share
@@ -188,14 +191,23 @@ def _step(
         return True
     enough = EXACT if share >= 1.0 else ON_THE_WAY
     before = length + 10.0 * ON_THE_WAY  # the posture where the way begins is not closed better
+    curved = bent / length if length > 0.0 else 0.0  # change of the Jacobian by a correction
+    anew = False
     for k in range(CHORDS):
-        place(mechanism, workspace)
-        errors(mechanism, workspace)
+        if anew:
+            if settle(mechanism, workspace) == 0:
+                return False
+        else:
+            place(mechanism, workspace)
+            errors(mechanism, workspace)
         size = correct(workspace)
         if not size <= (BENT * before if k > 0 else before) + NOISE:
             return False
         if k > 0 and before > NOISE:
             bent = max(bent, size / before)
+        if anew:
+            bent = curved * size
+        anew = k == 0 and share >= 1.0 and size * bent * bent > enough
         if size * bent <= enough:
             return True
         if size <= NOISE and size >= BENT * before:
