@@ -141,17 +141,35 @@ def test_in_a_plane_the_angle_is_that_of_phi(moved):
     assert math.isnan(metrics.evaluate(moved._replace(poses=point)).steady.rotation_rms_rad)
 
 
-@pytest.mark.parametrize('name', ['delta', 'hexapod', 'arm6', 'five_bar'])
-def test_lines_of_a_machine_end_at_its_tool(name):
+def lines_and_tool(name):
+    """Ends of the lines of a machine in some postures, shape (K, lines, 2, 3 or 2); its tool."""
     model, values = robot(name)
     joints = joints_near_home(model)
     pose = poses_of(model, joints, nominal_of(values)[1])
     (ends,) = model.module.segments(model.parameters, pose, joints).values()
     assert ends.shape[0] == len(joints) and ends.shape[2:] == (2, model.place)
-    apart = np.linalg.norm(ends[:, :, 1] - pose[:, np.newaxis, : model.place], axis=-1)
-    np.testing.assert_allclose(apart.min(axis=1), 0.0, atol=1e-9)
     (one,) = model.module.segments(model.parameters, pose[0], joints[0]).values()
     np.testing.assert_allclose(one, ends[0], atol=1e-9)
+    return ends, pose[:, np.newaxis, : model.place]
+
+
+@pytest.mark.parametrize('name', ['arm6', 'five_bar'])
+def test_lines_of_a_machine_end_at_its_tool(name):
+    ends, tool = lines_and_tool(name)
+    apart = np.linalg.norm(ends[:, :, 1] - tool, axis=-1)
+    np.testing.assert_allclose(apart.min(axis=1), 0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['delta', 'hexapod'])
+def test_lines_go_round_a_platform_whose_middle_is_the_tool(name):
+    """Each of its six edges begins where another one ends."""
+    ends, tool = lines_and_tool(name)
+    for row, here in zip(ends.reshape(len(ends), -1, 3), tool, strict=True):
+        nearest = row[np.argsort(np.linalg.norm(row - here, axis=1))[:18]]
+        points, count = np.unique(nearest.round(9), axis=0, return_counts=True)
+        corners = points[count >= 2]
+        assert len(corners) == 6
+        np.testing.assert_allclose(corners.mean(axis=0), here[0], atol=1e-8)
 
 
 def test_a_posture_that_does_not_close_has_no_lines():
@@ -187,7 +205,7 @@ def test_a_planned_motion_is_drawn_with_the_machine():
     lines = {line.get_label(): line for line in views[1].lines}
     x, z = lines['path'].get_xydata().T
     assert z == pytest.approx(-1100.0) and np.ptp(x) == pytest.approx(300.0, rel=1e-3)
-    assert len(views[1].lines) == 4 * 18 + 2 and len(position.lines) == 3
+    assert len(views[1].lines) == 4 * 21 + 2 and len(position.lines) == 3
 
 
 def test_a_report_has_views_distance_and_angle(hexapod, moved):
@@ -241,12 +259,12 @@ def test_a_frame_of_the_live_page_is_in_space():
     *_, count = HEADER.unpack_from(data)
     numbers = np.frombuffer(data, '<f4', offset=HEADER.size)
     pose, desired = (poses_of(model, each, guess) for each in (joints, joints + 1e-3))
-    assert camera.place == 3 and camera.parts == [('link', 18)]
-    assert len(numbers) == 6 + 18 * 6 + 6 * count + 2 * len(camera.curves)
+    assert camera.place == 3 and camera.parts == [('link', 21)]
+    assert len(numbers) == 6 + 21 * 6 + 6 * count + 2 * len(camera.curves)
     np.testing.assert_allclose(numbers[:6], [*desired[-1], *pose[-1]], atol=1e-6)
     (ends,) = model.module.segments(model.parameters, pose[-1], joints[-1]).values()
-    np.testing.assert_allclose(numbers[6:114].reshape(18, 2, 3), ends, atol=1e-6)
-    error = numbers[114 + 6 * count :][:2]
+    np.testing.assert_allclose(numbers[6:132].reshape(21, 2, 3), ends, atol=1e-6)
+    error = numbers[132 + 6 * count :][:2]
     apart = np.linalg.norm(pose - desired, axis=1)
     np.testing.assert_allclose(np.sort(error), [apart.min(), apart.max()], rtol=1e-5)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.mechanisms.mechanism import BASE, POINT, Index, Mechanism
@@ -12,6 +14,7 @@ from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import boxed
 
 SHORT = 1e-6  # of the length of the mechanism: less is no line
+FLAT = 1e-3  # of the length of points: less across them is a line
 
 
 class Line(NamedTuple):
@@ -27,20 +30,52 @@ class Line(NamedTuple):
 
 
 def lines(mechanism: Mechanism) -> tuple[Line, ...]:
-    """The lines of all links: in each from its joint to all else that it carries."""
-    tips: list[tuple[int, Array]] = [
-        (int(parent), origin)
-        for parent, origin in zip(mechanism.parent, mechanism.origin, strict=True)
-    ]
+    """The lines of all links: from its joint to all else that it carries, or round a platform."""
+    carried: defaultdict[int, list[Array]] = defaultdict(list)
+    for parent, origin in zip(mechanism.parent, mechanism.origin, strict=True):
+        carried[int(parent)].append(origin)
     for k in np.flatnonzero(mechanism.closure == POINT):
-        tips.append((int(mechanism.first[k]), mechanism.first_point[k]))
-        tips.append((int(mechanism.second[k]), mechanism.second_point[k]))
-    tips.append((int(mechanism.tool), mechanism.tool_point))
-    found: dict[tuple[int, bytes], Line] = {}
-    for link, tip in tips:
-        if link != BASE and np.linalg.norm(tip) > SHORT * mechanism.length:
-            found[link, np.round(tip, 9).tobytes()] = Line(link, np.stack([np.zeros(3), tip]))
-    return tuple(found.values())
+        carried[int(mechanism.first[k])].append(mechanism.first_point[k])
+        carried[int(mechanism.second[k])].append(mechanism.second_point[k])
+    carried[int(mechanism.tool)].append(mechanism.tool_point)
+    found: list[Line] = []
+    for link in sorted(carried.keys() - {BASE}):
+        points = _apart([np.zeros(3), *carried[link]], SHORT * mechanism.length)
+        tip = mechanism.tool_point if link == mechanism.tool else None
+        joints = [point for point in points if point is not tip]
+        corners = _outline(np.array(joints))
+        if len(corners):
+            edges = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+            found += [Line(link, np.stack(edge)) for edge in edges]
+        centre = corners.mean(axis=0) if len(corners) else points[0]
+        at = {corner.tobytes() for corner in corners}
+        inside = [point for point in points if point.tobytes() not in at]
+        found += [
+            Line(link, np.stack([centre, point]))
+            for point in inside
+            if np.linalg.norm(point - centre) > SHORT * mechanism.length
+        ]
+    return tuple(found)
+
+
+def _apart(points: list[Array], distance: float) -> list[Array]:
+    """Points without those that are near one before."""
+    kept: list[Array] = []
+    for point in points:
+        if all(np.linalg.norm(point - other) > distance for other in kept):
+            kept.append(point)
+    return kept
+
+
+def _outline(points: Array) -> Array:
+    """Corners of points in the order around, shape (C, 3); none of those on a line."""
+    across = points - points.mean(axis=0)
+    _, spread, axes = np.linalg.svd(across)
+    if len(points) < 3 or spread[1] < FLAT * spread[0]:
+        return np.empty((0, 3))
+    order = ConvexHull(across @ axes[:2].T).vertices
+    order = np.roll(order, -int(order.argmin()))
+    return points[order if order[1] < order[-1] else np.roll(order[::-1], 1)]
 
 
 def positions_of(mechanism: Mechanism, q: Array) -> tuple[Array, Index]:
