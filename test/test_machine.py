@@ -187,7 +187,7 @@ def test_the_tool_is_named_or_found():
     with pytest.raises(UnknownNameError, match="unknown site, body or link 'tol'; did you mean"):
         made(ARM, tool='tol')
     bar = made(five_bar())
-    assert bar.tool == 'the point of equality_0' and 'the tool is the point of' in bar.doubts[0]
+    assert bar.tool == 'the point of equality_0' and 'tool taken is the point of' in bar.doubts[0]
     assert bar.coordinates == (('x', 'm'), ('y', 'm'))
     assert made(urdf()).tool == 'flange'
     assert made(urdf().replace('flange', 'plate')).tool == 'second'

@@ -154,7 +154,11 @@ def machine(
         doubts=(
             *description.doubts,
             *doubtful(description, parts.tree),
-            *([] if tool else [f'the tool is {printable(found.name)}']),
+            *(
+                []
+                if tool
+                else [f'robot.tool is not given; the tool taken is {printable(found.name)}']
+            ),
             *([] if coordinates else [JOINTS_AS_POSE]),
             *told(start, closed, parts, freedoms, stopped),
         ),
