@@ -79,6 +79,23 @@ def test_exported_and_taken_back_is_the_same_law(tmp_path, law, fmi):
         np.testing.assert_array_equal(taken.sliding_variable, own.sliding_variable)
 
 
+@pytest.mark.parametrize('fmi', [2, 3])
+def test_zero_angles_are_taken_off_once(tmp_path, fmi):
+    zero = (0.01, -0.02, 0.005)
+    file = made(
+        tmp_path,
+        'zeroed',
+        's_fotsmc',
+        '--fmi',
+        str(fmi),
+        '--set',
+        f'estimator.zero_angle={[*zero]}',
+    )
+    known = {'estimator.zero_angle': zero, 'sensor.zero_angle': zero}
+    own = simulate('paper_circle', law='s_fotsmc', duration=SHORT, **known)
+    np.testing.assert_array_equal(run_of(file, **known).command, own.command)
+
+
 def test_a_run_begins_anew(taken):
     np.testing.assert_array_equal(run_of(taken).command, run_of(taken).command)
 

@@ -17,7 +17,8 @@ from parallel_robot_control import faults
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.safety import limits_of
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import Boxed
+from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import assemble_plant
@@ -65,7 +66,7 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     values: Any = instance.values
     rows = Rows(int(values), loop.joints, robot.joint_units)
     last = int(values) + WORD * law_kernel.ROWS * len(loop.joints)
-    gains = configuration.gains[loop.law]
+    gains, estimator = configuration.gains[loop.law], assembled.setup.estimator
 
     def limits(safety: Any) -> Any:
         return limits_of(safety, configuration.margins, loop.period)
@@ -129,6 +130,11 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
                 configuration.safety, 'safety', assembled.setup.limits, limits, robot.joint_units
             )
             if each.name not in OF_NODES
+        ),
+        *of_group(
+            ZeroAngles(configuration.estimator.zero_angle), ESTIMATOR, estimator,
+            lambda zero: estimator.value._replace(zero_angle=vector(zero.zero_angle)),
+            robot.joint_units,
         ),
         *of_robot(robot, 'robot', assembled.setup.robot),
     ]  # fmt: skip

@@ -16,6 +16,7 @@ FLOATS = ('Real', 'Float64', 'Float32')
 NUMBERS = (*FLOATS, 'Boolean', 'Integer', 'Int8', 'UInt8', 'Int16', 'UInt16', 'Int32', 'UInt32')
 PLACES = ('binaries/linux64/', 'binaries/x86_64-linux/')
 MANY = 100_000  # periods between two states
+TAKEN_OFF = 'estimator.zero_angle'  # of an exported law: the cycle around it takes them off
 
 
 class FmuLaw:
@@ -76,6 +77,9 @@ class FmuLaw:
         self._fault = self._alone(groups['outputs'], 'output', names.FAULT, NUMBERS)
         self._age = self._alone(groups['inputs'], 'input', names.AGE, FLOATS)
         self.aged = self._age is not None
+        own = (self._variables.get(f'{TAKEN_OFF}[{k + 1}]') for k in range(self._joints))
+        zeros = {each.name: 0.0 for each in own if each and each.causality == 'parameter'}
+        groups['parameters'] = zeros | groups['parameters']
         self._parameters = [
             (self._of(name, 'parameter', NUMBERS), value)
             for name, value in groups['parameters'].items()
