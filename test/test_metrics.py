@@ -213,6 +213,15 @@ def test_errors_that_still_fall_are_no_settled_ones():
     assert metrics.figures(stopping).window.falls is None
 
 
+def test_a_run_that_is_too_short_to_settle_says_so():
+    run = moved(lambda t: t, lambda t: np.full_like(t, 1e-3))
+    short = run.between(0.0, 0.25)
+    (line,) = unsettled(metrics.figures(short))
+    assert line.startswith('too short') and line.endswith(': 0.249 s, of 0.5 s at least')
+    assert unsettled(metrics.figures(run)) == []
+    assert unsettled(metrics.figures(run, 0.0, 0.25)) == []  # asked for
+
+
 def test_below_a_bound_for_a_moment_is_not_settled():
     time = np.arange(0.0, 2.0, 0.1)
     for below, settled in ((1.4, 1.4), (1.5, None)):

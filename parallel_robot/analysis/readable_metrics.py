@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from parallel_robot.analysis.metrics import SEEN, Metrics, Value, of_seen, of_true
+from parallel_robot.analysis.metrics import BELOW, SEEN, Metrics, Value, of_seen, of_true
 from parallel_robot.bags.counts import TopicCount
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.common.units import JointUnits
@@ -186,9 +186,12 @@ def window(found: Metrics) -> str:
 
 
 def unsettled(found: Metrics) -> list[str]:
-    """A line that says that errors are those of a robot that has not settled, if they are."""
+    """A line that says that a robot has not settled, or that nobody can say, if so."""
     if found.window.falls is None:
-        return []
+        if found.window.asked or found.duration_s >= BELOW - 1e-9:
+            return []
+        what = 'too short to say whether it has settled'
+        return [f'{what}: {found.duration_s:g} s, of {BELOW:g} s at least']
     before, after = (shown(1e6 * error) for error in found.window.falls)
     fall = f'from {before} to {after} {found.units.of("µrad")} rms'
     return [f'not settled: in that time the joint error falls {fall}']
