@@ -64,6 +64,47 @@ def test_joints_that_look_like_degrees_are_told(record, tmp_path):
     )
     slides = state_doubts.doubts(tmp_path / 'bag', log.stamps, degrees, JointUnits((True,) * 3))
     assert not any('degrees' in text for text in slides)
+    with pytest.raises(KinematicsError, match=r'turns: joint_states are in radians; degrees\?'):
+        metrics.poses(log._replace(reference_position=np.array([[82.2, 188.1, -30.7]])))
+
+
+def test_a_joint_with_the_wrong_sign_is_told(record):
+    log = record(streams(REFERENCE, REFERENCE * [1.0, -1.0, 1.0] + 1e-3, EFFORT))
+    (line,) = (text for text in log.warnings if 'its sign wrong?' in text)
+    error = 2.0 * np.sqrt(np.mean(REFERENCE[:, 1] ** 2))
+    assert f'joint2 has an error of {error:.3g} rad rms, with the other sign 0.001:' in line
+
+
+def test_small_errors_about_zero_are_no_wrong_sign(record):
+    log = record(streams(1e-4 * REFERENCE, -1e-4 * REFERENCE, EFFORT))
+    assert not any('its sign wrong?' in text for text in log.warnings)
+
+
+def test_efforts_that_no_motor_gives_are_told(record):
+    limit = config.resolve('paper_circle')['plant.torque_limit'][0]
+    most = limit / np.abs(EFFORT).max() * EFFORT
+    log = record(streams(REFERENCE, POSITION, 1e3 * most))
+    (line,) = (text for text in log.warnings if 'plant.torque_limit' in text)
+    told = f'efforts reach {1e3 * limit:.4g} N m, more than plant.torque_limit, {limit:g} N m'
+    assert line.endswith(f'{told}: are they in N m?')
+
+
+def test_efforts_at_the_limit_are_not_told(record):
+    limit = config.resolve('paper_circle')['plant.torque_limit'][0]
+    log = record(streams(REFERENCE, POSITION, np.clip(1e6 * EFFORT, -limit, limit)))
+    assert not any('plant.torque_limit' in text for text in log.warnings)
+
+
+@pytest.mark.parametrize(('first', 'count'), [(0, COUNT), (90, 10)])
+def test_the_joint_whose_numbers_are_none_is_told(record, first, count):
+    broken = POSITION.copy()
+    broken[first:, 1] = np.nan
+    told = f'position of joint2 is nan in {count} of {COUNT}'
+    if first:
+        assert any(told in text for text in record(streams(REFERENCE, broken, EFFORT)).warnings)
+        return
+    with pytest.raises(BagError, match=told):
+        record(streams(REFERENCE, broken, EFFORT))
 
 
 @pytest.mark.parametrize('path', ['bag', 'bag/bag_0.mcap'])

@@ -207,6 +207,19 @@ def physical(samples: Samples) -> np.ndarray:
     return kept
 
 
+def strange(samples: Samples) -> str:
+    """Where most messages have a number that no robot can have, in words; see :func:`physical`."""
+    counts = {
+        (field, joint): int((~(np.abs(column) <= LARGEST)).sum())
+        for field, numbers in samples.numbers.items()
+        for joint, column in zip(samples.joints, numbers.T, strict=True)
+    }
+    field, joint = max(counts, key=lambda each: counts[each])
+    column = samples.numbers[field][:, samples.joints.index(joint)]
+    number = column[~(np.abs(column) <= LARGEST)][0]
+    return f'{field} of {joint} is {number:.4g} in {counts[field, joint]} of {len(column)}'
+
+
 def _next_kind(topic: Topic, payloads: np.ndarray) -> tuple[int, Kind | None, str]:
     """The first kind that is understood: number of messages before it, it, and why not they."""
     reason = ''

@@ -14,9 +14,9 @@ from parallel_robot.bags.bag_reader import Bag
 from parallel_robot.bags.bag_view import AS_RECORDED, INSTEAD, BagView
 from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
-from parallel_robot.bags.message_arrays import Samples, ours, physical, whole
+from parallel_robot.bags.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.span import WHOLE, Span
-from parallel_robot.bags.state_doubts import LEAP, doubts, leaping
+from parallel_robot.bags.state_doubts import LEAP, doubts, flipped, leaping, too_strong
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.state_rhythm import StateRhythm
@@ -185,9 +185,16 @@ def of(
     part: slice | np.ndarray = slice(None)
     if (view.start, view.stop) != (None, None):
         part = _within((stamps - start) / NANOSECONDS, view.start, view.stop)
-    warnings += [
-        f'{bag}: {doubt}' for doubt in doubts(bag, stamps[part], position[part], units_of(values))
-    ]
+    units = units_of(values)
+    desired = reference_at(
+        stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
+    )
+    told = doubts(bag, stamps[part], position[part], units)
+    told += flipped(loop.joints, position[part], desired[0][part], units)
+    if has_efforts:
+        strongest = np.asarray(values.get('plant.torque_limit', np.inf), np.float64)
+        told += too_strong(states.numbers['effort'][used][part], strongest, units)
+    warnings += [f'{bag}: {doubt}' for doubt in told]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
     rhythm.look()
@@ -216,9 +223,7 @@ def of(
         position,
         states.numbers['velocity'][used],
         states.numbers['effort'][used] if has_efforts else _commanded(answer),
-        *reference_at(
-            stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
-        ),
+        *desired,
         commands.numbers['data'],
         count(streams, loop.period_ns, recorded, states_period, span),
         answer,
@@ -442,9 +447,10 @@ def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) ->
     if not count:
         return samples
     if count == len(kept):
-        raise BagError(f'{bag}: no message on {topic.name} has numbers that a robot can have')
+        what = f'no message on {topic.name} has numbers that a robot can have'
+        raise BagError(f'{bag}: {what}: {strange(samples)}')
     what = f'{count} messages on {topic.name} have numbers that no robot can have'
-    warnings.append(f'{bag}: {what}; they are left out')
+    warnings.append(f'{bag}: {what} ({strange(samples)}); they are left out')
     return samples.rows(kept)
 
 

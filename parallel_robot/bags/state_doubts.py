@@ -1,19 +1,23 @@
-"""Doubts about recorded states: several recordings taken for one, several publishers, degrees."""
+"""Doubts about recorded states: several recordings taken for one, other units or signs."""
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from parallel_robot.bags.bag_files import files
-from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits, beyond_a_turn
 
 GAP = 1.0  # s without states, in which a robot is not recorded
 LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
-TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
 BACK = 0.1  # of a leap, by which its ends may differ
+FLIPPED = (
+    0.1  # of an error, below which that with the other sign is of a joint whose sign is wrong
+)
+LEAST = 1e-3  # rad or m, of such an error
+ROUNDING = 1e-6  # of a limit, by which efforts may be beyond it
 
 
 def doubts(
@@ -42,16 +46,60 @@ def doubts(
     if leaps:
         what = f'{leaps} states leap by more than {LEAP:g} {units.of("rad")} and back'
         found.append(f'{what}: two publishers that contradict each other?')
-    slides = np.array(units.slides or (False,) * position.shape[1])
-    far = float(np.abs(position[:, ~slides]).max(initial=0.0))
-    if far > TURN:
-        what = f'a joint reaches {far:.4g} rad, {far / TURN:.3g} turns'
-        found.append(f'{what}: joint_states are in radians; degrees?')
+    far = beyond_a_turn(position, units)
+    if far:
+        found.append(f'a joint reaches {far}')
     back = np.diff(stamps) < 0
     if back.any():
         what = f'the stamps of states go back by up to {-steps.min():.3g} s'
         found.append(f'{what}: a clock was set, or there are several runs')
     return found
+
+
+def flipped(
+    joints: Sequence[str], position: np.ndarray, reference: np.ndarray, units: JointUnits = HINGES
+) -> list[str]:
+    """Which joints are where their references are but for the sign, one line each.
+
+    Args:
+        joints: Names of the joints.
+        position: Their positions [rad], shape (N, n).
+        reference: Desired positions [rad], NaN where there is none, shape (N, n).
+        units: Those of the joints.
+    """
+    known = np.isfinite(reference).all(axis=1)
+    if not known.any():
+        return []
+    error, other = (
+        np.sqrt(np.mean((reference[known] - sign * position[known]) ** 2, axis=0))
+        for sign in (1.0, -1.0)
+    )
+    return [
+        f'{joint} has an error of {error[k]:.3g} {units.one(k).of("rad")} rms, '
+        f'with the other sign {other[k]:.2g}: is its sign wrong?'
+        for k, joint in enumerate(joints)
+        if error[k] > LEAST and other[k] < FLIPPED * error[k]
+    ]
+
+
+def too_strong(effort: np.ndarray, limit: np.ndarray, units: JointUnits = HINGES) -> list[str]:
+    """That efforts are beyond what the motors can give, a line, if they are.
+
+    Args:
+        effort: Of the joints [N m], shape (N, n).
+        limit: Of the motors [N m], shape (n,) or ().
+        units: Those of the joints.
+    """
+    if limit.size not in (1, effort.shape[1]):
+        return []
+    excess = (np.abs(effort) - (1.0 + ROUNDING) * limit).max(axis=0, initial=-np.inf)
+    k = int(np.argmax(excess))
+    if not excess[k] > 0.0:
+        return []
+    unit, most = units.one(k).of('N m'), float(np.abs(effort[:, k]).max())
+    own = float(np.broadcast_to(limit, effort.shape[1])[k])
+    what = f'efforts reach {most:.4g} {unit}, more than plant.torque_limit, {own:g} {unit}'
+    return [f'{what}: are they in {unit}?']
 
 
 def leaping(position: np.ndarray) -> np.ndarray:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 NANOSECONDS = 1_000_000_000  # in one second
+TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
 OF_JOINTS = 'unit of the joints'  # key of diagnostics, where it is not rad
 
 LINEAR = (  # how units of a slide follow from those of a hinge
@@ -85,3 +89,16 @@ def all_of(units: Iterable[JointUnits]) -> JointUnits:
     """Those of the joints of several robots; of none those of hinges."""
     kinds = {slide for each in units for slide in each.slides or (False,)}
     return JointUnits(tuple(sorted(kinds)))
+
+
+def beyond_a_turn(position: Any, units: JointUnits) -> str:
+    """How far a hinge is beyond a whole turn, and a doubt, in words; empty if none is.
+
+    Args:
+        position: Joints [rad], shape (N, n).
+        units: Their units.
+    """
+    slides = np.array(units.slides or (False,) * position.shape[1])
+    far = float(np.abs(position[:, ~slides]).max(initial=0.0))
+    turns = f'{far:.4g} rad, {far / TURN:.3g} turns: joint_states are in radians; degrees?'
+    return turns if far > TURN else ''

@@ -8,6 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.common.units import beyond_a_turn
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
@@ -40,9 +41,11 @@ def poses_of(
         return _all_poses(locate, robot.constants, joints, row, start)
     poses, failed, fault = _poses(locate, robot.constants, joints, row, start)
     if fault != FOUND:
+        far = beyond_a_turn(joints[failed : failed + 1], robot.joint_units)
         raise KinematicsError(
             f'forward kinematics: {robot.module.FAULTS[fault].text} (sample {first + failed}, '
             f'joints at {np.round(joints[failed], 4).tolist()} {robot.joint_units.of("rad")})'
+            + (f'; a joint is at {far}' if far else '')
         )
     return poses
 
