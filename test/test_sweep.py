@@ -373,3 +373,14 @@ def test_the_limit_of_a_robot_without_a_plane_is_that_of_its_joints(tmp_path):
     for row in runs(tmp_path).to_pylist():
         assert row['limit_um'] is None and row['delay_um'] is None
         assert 0.0 < row['limit_urad'] < 1e6 * row['joint_rms_rad']
+
+
+@pytest.mark.usefixtures('inline')
+def test_an_effort_that_no_run_has_is_left_out(tmp_path, capsys):
+    """States 20 ms apart have no chattering."""
+    study = tmp_path / 'coarse.yaml'
+    study.write_text(TEXT.replace(f'runs: {RUNS}', 'runs: 4'))
+    words = ['sweep', str(study), '--set', 'period=0.02', '--out', str(tmp_path / 'out')]
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert 'nan' not in out and 'chattering' not in out and 'torque, rms [N m]' in out

@@ -108,19 +108,22 @@ class ScenarioResult:
     """All laws in one scenario.
 
     Attributes:
-        quantities: What is summarised; the first is the error.
+        quantities: What is summarised; the first is the error. An effort that no run has, as the
+            chattering of states that are far apart, is left out.
         laws: Law to its results, in the order of the study.
         duels: The laws in pairs, by the error; those with the smaller medians first. Their p is
             corrected over all pairs of the study.
         levels: What the errors are held against, by name: 'limit' or 'estimated limit', the least
             error of any law;
             'v d', the distance that the reference travels while a state is late.
+        efforts: How many of the quantities are of the effort, the last ones.
     """
 
     quantities: tuple[Quantity, ...]
     laws: Mapping[str, LawResult]
     duels: tuple[Duel, ...]
     levels: Mapping[str, Level] = field(default_factory=dict)
+    efforts: int = len(OTHERS)
 
 
 def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
@@ -200,6 +203,10 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     calm = _at_own_calm(found, plan) if plan.study.calm else np.full(len(law), np.nan)
     calmed = Quantity('', f'error / {limit} at own chattering', '', 1.0)
     rotated = [ROTATED] if np.isfinite(columns[ROTATED.column]).any() else []
+    good = status == 'ok'
+    others = [
+        each for each in others if not good.any() or np.isfinite(columns[each.column][good]).any()
+    ]
     measured = (error, *rotated, *others)
     held = {}  # what the error is held against, by the quantity that the ratio is
     if limited.any():
@@ -210,9 +217,8 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     results = {}
     for variant in plan.study.laws:
         mine = law == variant.name
-        good = status[mine] == 'ok'
         scaled = [
-            np.where(good, quantity.scale * columns[quantity.column][mine], np.inf)
+            np.where(good[mine], quantity.scale * columns[quantity.column][mine], np.inf)
             for quantity in measured
         ]
         medians = [_median(values, scramble[mine]) for values in scaled]
@@ -225,7 +231,7 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
         drawn = {name: values for name, values in drawn.items() if np.isfinite(values).all()}
         results[variant.name] = LawResult(
             Counter(status[mine].tolist()),
-            dict(Counter(reason[mine][~good].tolist()).most_common(REASONS)),
+            dict(Counter(reason[mine & ~good].tolist()).most_common(REASONS)),
             tuple(medians),
             tuple(statistics.drivers(drawn, scaled[0])),
             scaled[0],
@@ -238,4 +244,5 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
         some = first & np.isfinite(values)
         if (values[some] > NEGLIGIBLE).any():
             levels[name] = Level(values[some], _median(values[some], scramble[some]))
-    return ScenarioResult(quantities, results, tuple(statistics.duels(of_laws)), levels)
+    duels = tuple(statistics.duels(of_laws))
+    return ScenarioResult(quantities, results, duels, levels, len(others))

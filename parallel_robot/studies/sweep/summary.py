@@ -12,7 +12,7 @@ from typing import Any
 
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.studies.sweep.plan import Plan, sampling
-from parallel_robot.studies.sweep.results import OTHERS, Quantity, ScenarioResult
+from parallel_robot.studies.sweep.results import Quantity, ScenarioResult
 from parallel_robot.studies.sweep.statistics import Estimate
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common import tables
@@ -154,7 +154,7 @@ def _tables(
         result: Results of the scenario.
         written: Returns how a law is written.
     """
-    accuracy = len(result.quantities) - len(OTHERS)
+    accuracy = len(result.quantities) - result.efforts
     first = [['law', 'ok', *map(_heading, result.quantities[:accuracy])]]
     efforts = [['law', *map(_heading, result.quantities[accuracy:])]]
     drivers = [['law', 'parameter', 'correlation']]

@@ -78,7 +78,9 @@ def evaluated(
         if outcome.status != 'ok':
             reasons.append(outcome.reason)
         elif not all(map(math.isfinite, pair)):
-            reasons.append('the metrics are not finite')
+            pairs = zip(columns, pair, strict=True)
+            unknown = [column for column, value in pairs if not math.isfinite(value)]
+            reasons.append(f'the metrics are not finite: {", ".join(unknown)}')
         else:
             figures.append(pair)
     if reasons:
