@@ -164,6 +164,8 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: simulate('paper_circle', param_file=3), 'param_file must be a name or a path'),
         (lambda: simulate('paper_circle', param_file='no.yaml'), 'no.yaml does not exist'),
         (lambda: notebook.load('nowhere'), 'nowhere'),
+        (lambda: notebook.load(None), 'bag must be a path, not None'),
+        (lambda: notebook.sweep('equal_effort', 3), 'out must be a path, not 3'),
         (lambda: notebook.metrics('bag'), "a run is wanted, as of simulate or load, not 'bag'"),
         (lambda: notebook.plot('a'), "plot takes runs, not 'a'"),
         (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),

@@ -126,8 +126,9 @@ def load(
     Raises:
         BagError: not a bag, or one that is not of a run or takes too much; or its robot is in
             neither bag nor files.
-        InputError: a file is not a robot.
+        InputError: a file is not a robot, or `bag` is no path.
     """
+    bag = arguments.path('bag', bag)
     code = recorded_robot.chosen(trust, custom_robots)
     given: dict[str, Any] = {
         'topic': topic,
@@ -175,7 +176,7 @@ def load(
         ', '.join(sorted(limits)),
         (*log.warnings, *filter(None, [part.cut, ended]), *part.remarks, *part.doubts),
         motions=part.motions,
-        name=Path(bag).resolve().name.removesuffix('.mcap'),
+        name=bag.resolve().name.removesuffix('.mcap'),
         has_efforts=log.has_efforts,
     )
 
@@ -399,7 +400,7 @@ def sweep(
     asked = studies.parse(text, name, folder, names).changed(runs, values | files)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
-    directory = Path(out)
+    directory = arguments.path('out', out)
     run_sweep(plan(asked), asked.text, directory, Processes(count), count)
     frame: Frame = frames.read_parquet(directory / RUNS)
     return frame
