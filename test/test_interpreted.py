@@ -25,7 +25,7 @@ from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
 
-STEPS = 50
+STEPS = 20
 WORDS = 'import sys; from test_interpreted import save; save(sys.argv[1])'
 
 
@@ -41,7 +41,9 @@ def vectors():
 
 def numbers():
     """Numbers of one law, one cycle and one loop, by name."""
-    made = assemble(configure(resolve('paper_circle', {'law': 's_fotsmc', 'duration': 0.05})))
+    made = assemble(
+        configure(resolve('paper_circle', {'law': 's_fotsmc', 'duration': STEPS * 1e-3}))
+    )
     setup, state = made.control.setup, made.control.state
     q, rate = vector((0.1, 0.2, -0.3)), vector((0.5, -0.4, 0.2))
     desired = JointReference(q + 0.01, rate, 0.0 * q)

@@ -19,11 +19,11 @@ from trajectory_gen.configuration import trajectory_of
 STEPS = 60
 
 
-def reached(scenario, plane, through, **values):
+def reached(scenario, plane, through, steps=STEPS, **values):
     """The region, and the poses of its grid, shape (rows, columns, m)."""
     given = {key.replace('__', '.'): value for key, value in values.items()}
     robot = trajectory_of(resolve(scenario, given)).robot
-    region = region_of(robot, named_plane(robot, plane, np.array(through)), STEPS)
+    region = region_of(robot, named_plane(robot, plane, np.array(through)), steps)
     grid = np.stack(np.meshgrid(region.first, region.second), axis=-1)
     return region, region.plane.poses(grid)
 
@@ -149,7 +149,7 @@ def test_serial_arm_reaches_a_ring():
 
 
 def test_hexapod_turns_as_far_as_its_legs_allow():
-    region, poses = reached('hexapod_circle', 'rx,ry', (0.0, 0.0, 2.0, 0.0, 0.0, 0.0))
+    region, poses = reached('hexapod_circle', 'rx,ry', (0.0, 0.0, 2.0, 0.0, 0.0, 0.0), 30)
     robot = trajectory_of(resolve('hexapod_circle')).robot
     lower, upper = np.array(robot.parameters.lower), np.array(robot.parameters.upper)
     within, beyond = np.zeros((2, *region.inside.shape), bool)

@@ -149,7 +149,7 @@ def test_with_arrays_an_update_has_the_same_bits_and_changes_nothing_that_it_was
     memory = as_arrays(s_fotsmc.initial_memory(3)._replace(started=1.0))
     feedback = Feedback(*feedback[:, 0], np.array([1.0, -1.0, 0.0]), np.zeros(3))
     given = (Model(M[0], Q[0], np.zeros(3)), JointReference(*reference[:, 0]), feedback)
-    copies = [[array.copy() for array in part] for part in given]
+    copies = [[np.copy(field) for field in part] for part in given]
     out = s_fotsmc.update(GAINS, *given, memory, 1e-3)
     assert type(out.torque) is np.ndarray
     for part, copy in zip(given, copies, strict=True):
