@@ -545,7 +545,8 @@ def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     assert found['pr'].load('runs/smc').law == 'smc'
     exec(code[2].replace("'runs': 16", "'runs': 1, 'duration': 0.1"), found)
     assert list(found['runs'].law) == ['smc', 's_fotsmc']
-    exec(code[3].replace('trials=40', 'trials=2, duration=0.1'), found)
+    short = code[3].replace('trials=40', 'trials=2, duration=0.1').replace('rate=5', 'rate=1')
+    exec(short, found)
     assert len(found['frame']) == 12001 and found['tuned'].files['tuned.yaml'].is_file()
     with pytest.raises(InputError, match=re.escape(code[4].splitlines()[1].partition(': ')[2])):
         exec(code[4], found)
