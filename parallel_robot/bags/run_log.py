@@ -16,7 +16,7 @@ from parallel_robot.bags.command_states import Answers, Used
 from parallel_robot.bags.counts import TopicCount, count
 from parallel_robot.bags.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.span import WHOLE, Span
-from parallel_robot.bags.state_doubts import LEAP, doubts, flipped, leaping, too_strong
+from parallel_robot.bags.state_doubts import LEAP, beyond, doubts, flipped, leaping, too_strong
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.state_rhythm import StateRhythm
@@ -190,10 +190,12 @@ def of(
         stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
     )
     told = doubts(bag, stamps[part], position[part], units)
-    told += flipped(loop.joints, position[part], desired[0][part], units)
-    if has_efforts:
-        strongest = np.asarray(values.get('plant.torque_limit', np.inf), np.float64)
-        told += too_strong(states.numbers['effort'][used][part], strongest, units)
+    if not found.metadata:  # units and signs of the suite are known
+        told += beyond(position[part], units)
+        told += flipped(loop.joints, position[part], desired[0][part], units)
+        if has_efforts:
+            strongest = np.asarray(values.get('plant.torque_limit', np.inf), np.float64)
+            told += too_strong(states.numbers['effort'][used][part], strongest, units)
     warnings += [f'{bag}: {doubt}' for doubt in told]
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)

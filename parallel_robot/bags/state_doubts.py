@@ -46,14 +46,22 @@ def doubts(
     if leaps:
         what = f'{leaps} states leap by more than {LEAP:g} {units.of("rad")} and back'
         found.append(f'{what}: two publishers that contradict each other?')
-    far = beyond_a_turn(position, units)
-    if far:
-        found.append(f'a joint reaches {far}')
     back = np.diff(stamps) < 0
     if back.any():
         what = f'the stamps of states go back by up to {-steps.min():.3g} s'
         found.append(f'{what}: a clock was set, or there are several runs')
     return found
+
+
+def beyond(position: np.ndarray, units: JointUnits = HINGES) -> list[str]:
+    """That joints go beyond a whole turn, a line, if they do.
+
+    Args:
+        position: Actuated joints [rad], shape (N, n).
+        units: Those of the joints.
+    """
+    far = beyond_a_turn(position, units)
+    return [f'a joint reaches {far}'] if far else []
 
 
 def flipped(
