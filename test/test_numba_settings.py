@@ -13,7 +13,7 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = sorted(
     path.parent.name for path in ROOT.glob('*/__init__.py') if path.parent.name != 'test'
 )
-SHORT = ('--duration', '0.1', '--laws', 'pid')
+SHORT = ('--duration', '0.5', '--laws', 'pid')
 SETTINGS = """
 import numba
 import parallel_robot_model.compiler
