@@ -16,6 +16,7 @@ from parallel_robot.analysis.quantiles import Quantiles
 from parallel_robot.analysis.running_timing import RunningTiming
 from parallel_robot.bags import (
     indexed_reader,
+    mcap_records,
     recorded_robot,
     recording,
     recovery,
@@ -255,6 +256,19 @@ def test_a_bag_that_was_not_closed(share, bag, tmp_path, windows):
     whole = assert_same(windows, tmp_path / 'cut')
     recovery.recover(tmp_path / 'cut', tmp_path / 'recovered')
     assert_alike(evaluate(tmp_path / 'recovered').metrics, whole.metrics)
+
+
+def test_a_bag_that_was_not_closed_is_walked_through_once(bag, tmp_path, monkeypatch):
+    (path,) = bag.glob('*.mcap')
+    data, file, walked = path.read_bytes(), tmp_path / 'cut.mcap', []
+    walk = mcap_records.index
+    monkeypatch.setattr(mcap_records, 'index', lambda *file: walked.append(1) or walk(*file))
+    for count, share in enumerate((0.5, 0.9), 1):  # more has been written since
+        file.write_bytes(data[: round(share * len(data))])
+        seconds, states = recording.size(file)
+        found = sum(len(each.log.time) for each in recording.chunks(file, 1.0))
+        assert len(walked) == count and found == pytest.approx(states, abs=2)
+        assert 1e3 * seconds == pytest.approx(states, abs=20)
 
 
 @pytest.mark.parametrize('part', [(None, None), (1.0, 2.5)])

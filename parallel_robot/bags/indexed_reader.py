@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import bisect
+import functools
 import itertools
 import re
 from collections import Counter
@@ -216,7 +217,7 @@ class BagReader:
         bag_kinds.check(path, file)
         end, records = mcap_records.summarised(*file, INDEX)
         if end is None and self._unclosed:
-            walked = mcap_records.index(*file)
+            walked = _index_of(path, self._memory)
             if walked is not None:
                 end, records = len(file.data), walked
                 self._walked.add(path)
@@ -262,6 +263,21 @@ class BagReader:
             )
             for k, (offset, index) in enumerate(sorted(indexes.items()))
         ]
+
+
+def _index_of(path: Path, memory: int) -> list[Any] | None:
+    """Index of a file that was not closed, see :func:`mcap_records.index`."""
+    try:
+        state = path.stat()
+    except OSError as error:
+        raise BagError(f'{path} cannot be read: {error.strerror}') from None
+    return _walked(path, (state.st_ino, state.st_size, state.st_mtime_ns), memory)
+
+
+@functools.lru_cache(maxsize=4)
+def _walked(path: Path, _state: tuple[int, ...], memory: int) -> list[Any] | None:
+    """The same; while the file stays as it is, it is walked through once."""
+    return mcap_records.index(*open_file(path, memory))
 
 
 def _scan(
