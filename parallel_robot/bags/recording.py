@@ -130,8 +130,8 @@ def chunks(
     """Read a bag of any length in windows, one after the other, each message in one of them.
 
     All of them together have the states, answers and counts of :func:`read`; only what a broken
-    file lacks may be counted otherwise. A bag without an
-    index, of sqlite3 or damaged, is read at once.
+    file lacks may be counted otherwise. A bag of sqlite3, or one that is damaged elsewhere than at
+    its end, is read at once.
 
     Args:
         bag: Directory of the bag, or its MCAP file.

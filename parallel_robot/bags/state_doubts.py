@@ -13,9 +13,7 @@ from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits, b
 GAP = 1.0  # s without states, in which a robot is not recorded
 LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
 BACK = 0.1  # of a leap, by which its ends may differ
-FLIPPED = (
-    0.1  # of an error, below which that with the other sign is of a joint whose sign is wrong
-)
+FLIPPED = 0.1  # of an error, below which that with the other sign tells of a wrong sign
 LEAST = 1e-3  # rad or m, of such an error
 ROUNDING = 1e-6  # of a limit, by which efforts may be beyond it
 
@@ -23,7 +21,7 @@ ROUNDING = 1e-6  # of a limit, by which efforts may be beyond it
 def doubts(
     bag: Path, stamps: np.ndarray, position: np.ndarray, units: JointUnits = HINGES
 ) -> list[str]:
-    """What makes recorded states look like those of more than one run, or unit, one line each.
+    """What makes recorded states look like those of more than one run, one line each.
 
     Args:
         bag: The bag.

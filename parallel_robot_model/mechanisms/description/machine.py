@@ -29,6 +29,7 @@ from parallel_robot_model.mechanisms.description.tree import build
 from parallel_robot_model.mechanisms.mechanism import HINGE, Mechanism
 
 MOST = 200  # joints
+NO_TOOL = 'robot.tool is not given; the tool taken is {}'
 JOINTS_AS_POSE = (
     'the tool has not as many independent motions at home as there are actuated joints: the pose '
     'is these joints'
@@ -154,11 +155,7 @@ def machine(
         doubts=(
             *description.doubts,
             *doubtful(description, parts.tree),
-            *(
-                []
-                if tool
-                else [f'robot.tool is not given; the tool taken is {printable(found.name)}']
-            ),
+            *([] if tool else [NO_TOOL.format(printable(found.name))]),
             *([] if coordinates else [JOINTS_AS_POSE]),
             *told(start, closed, parts, freedoms, stopped),
         ),
