@@ -54,7 +54,8 @@ def draw(model: PoseModel, found: Fit) -> Figure:
         panel.set_yscale('log')
         panel.set_ylabel(f'|error| of {axes[column].name} [{MICRO[axes[column].unit]}]')
         panel.grid(alpha=0.3)
-    panels[0].legend(loc='upper right', ncols=3, fontsize='small')
+    over = {'loc': 'lower right', 'bbox_to_anchor': (1.0, 1.0), 'frameon': False}
+    panels[0].legend(ncols=3, fontsize='small', **over)
     panels[count - 1].set_xlabel('t [s]')
     half = found.half_widths
     for panel, unit, of in zip(panels[count:], units, of_unit, strict=True):
