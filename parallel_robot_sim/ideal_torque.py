@@ -21,7 +21,7 @@ from parallel_robot_sim.plant import PlantSetup
 from trajectory_gen.trajectory import Trajectory
 
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share
-BESIDE = 48  # points beside a part, of which the farthest change the spline by less than rounding
+DEGREE = 5  # of the polynomial between two points, through the nearest six
 
 
 def torque_of(configuration: Configuration) -> Array:
@@ -72,17 +72,13 @@ class IdealTorque:
         Raises:
             InputError: the robot does not reach the motion.
         """
-        from scipy.interpolate import make_interp_spline  # slow to import
-
         period = self._plant.loop.period
         # 1. What moves the robot against viscous friction is smooth: few points of it will do.
         middles, position, velocity, acceleration = _middles(self._trajectory, period, first, stop)
         begin, end = np.searchsorted(self._points, middles[[0, -1]])
-        times = self._points[max(begin - BESIDE, 0) : end + BESIDE]
+        times = self._points[max(begin - DEGREE - 1, 0) : end + DEGREE]
         motion = performed(self._trajectory, self._smooth, times, self._assembled)
-        degree = min(3, len(motion.times) - 1)
-        spline = make_interp_spline(motion.times + 0.5 * period, motion.torque, degree)
-        torque = np.ascontiguousarray(spline(middles))
+        torque = between_points(motion.times + 0.5 * period, motion.torque, middles)
         drive = self._plant.imperfections.drive
         if drive.on:  # rotors turn as their joints do, but for what their gears give way
             torque = torque + np.array(drive.rotor_inertia) * acceleration
@@ -95,6 +91,29 @@ class IdealTorque:
             setup, rest, motion.plant.state.torque, torque, position, velocity, period, first
         )
         return ideal
+
+
+def between_points(times: Array, values: Array, wanted: Array) -> Array:
+    """Values of a smooth curve between points of it: Lagrange through the nearest six.
+
+    A spline through all points is no nearer, and takes long to import.
+
+    Args:
+        times: Evenly spaced times of the points [s], shape (K,).
+        values: The curve there, shape (K, m).
+        wanted: Times of the values wanted [s], shape (N,).
+    """
+    last = len(times) - 1
+    degree = min(DEGREE, last)
+    place = (wanted - times[0]) * (last / (times[-1] - times[0]))
+    first = np.clip(place.astype(int) - degree // 2, 0, last - degree)
+    nodes = np.arange(degree + 1)
+    curve = np.zeros((len(wanted), values.shape[1]))
+    for node in nodes:
+        others = np.delete(nodes, node)
+        weight = np.prod(((place - first)[:, np.newaxis] - others) / (node - others), axis=1)
+        curve += weight[:, np.newaxis] * values[first + node]
+    return curve
 
 
 @functools.lru_cache(maxsize=2)

@@ -6,7 +6,7 @@ import pytest
 from parallel_robot.analysis import metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.ideal_torque import torque_of
+from parallel_robot_sim.ideal_torque import between_points, torque_of
 from parallel_robot_sim.simulator import Simulator
 
 PERIOD, COUNT = 1e-3, 2000
@@ -50,6 +50,18 @@ def test_dry_friction_is_that_of_the_reference():
 def test_its_disturbances_are_those_of_the_seed():
     a, b, c = (torque_of(of('paper_circle', **{**LOADS, 'seed': seed})) for seed in (1, 2, 1))
     assert np.array_equal(a, c) and np.std(a - b) > 0.3
+
+
+def test_between_points_a_polynomial_of_degree_5_is_itself_and_a_few_points_do():
+    times, wanted = np.linspace(3.0, 7.0, 40), np.linspace(2.9, 7.1, 500)
+    curve = np.polynomial.Polynomial([1.0, -2.0, 3.0, 0.5, -0.2, 0.02])
+    values = np.stack([curve(times), times], axis=1)
+    expected = np.stack([curve(wanted), wanted], axis=1)
+    assert between_points(times, values, wanted) == pytest.approx(expected, rel=1e-11)
+    line = between_points(times[[0, -1]], values[[0, -1], 1:], wanted)
+    assert line[:, 0] == pytest.approx(wanted)
+    smooth = between_points(times, np.sin(times)[:, np.newaxis], wanted[20:-20])
+    assert smooth[:, 0] == pytest.approx(np.sin(wanted[20:-20]), abs=1e-8)
 
 
 def excess(torque, ideal):

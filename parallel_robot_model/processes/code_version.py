@@ -18,6 +18,7 @@ SETTINGS = (  # of Numba, in the environment: they change the machine code of th
 )  # fmt: skip
 PACKAGE = re.compile('parallel_robot(_[a-z]+)?|trajectory_gen')  # packages of the suite
 FROM = re.compile(rb'^from ([\w.]+) import (\([^)]*\)|[^\n]*)', re.MULTILINE)
+NAME = re.compile(r'\w+')
 LENGTH = 16  # characters of a hash
 
 
@@ -46,39 +47,44 @@ def of_kernels() -> str:
     These are the files with kernels and those that they import, for a constant of them is a part
     of the machine code; and all files with classes of tuples, which kernels take.
     """
-    sources = _sources()
-    names = {_module(path): path for path in sources}
-    waiting = [
-        path
-        for path, content in sources.items()
-        if any(mark in content for mark in KERNELS) and not _is_of_ros(path)
-    ]
-    chosen = {*waiting, *(path for path, content in sources.items() if TUPLES in content)}
+    sources = {path: text for path, text in _sources().items() if not _is_of_ros(path)}
+    names = {path[:-3].removesuffix('/__init__').replace('/', '.'): path for path in sources}
+    waiting = [path for path, text in sources.items() if any(mark in text for mark in KERNELS)]
+    chosen = {*waiting, *(path for path, text in sources.items() if TUPLES in text)}
     while waiting:
         for package, imported in FROM.findall(sources[waiting.pop()]):
             base = package.decode()
-            words = [base, *(f'{base}.{name}' for name in imported.decode().split())]
-            for path in (names.get(re.sub(r'[^\w.]', '', word)) for word in words):
+            for name in ('', *NAME.findall(imported.decode())):
+                path = names.get(f'{base}.{name}' if name else base)
                 if path is not None and path not in chosen:
                     waiting.append(path)
                     chosen.add(path)
-    chosen = {path for path in chosen if not _is_of_ros(path)}
     settings = [f'{name}={os.environ[name]}' for name in SETTINGS if name in os.environ]
     text = ' '.join([_compiler(), *settings])
     return _digest({path: sources[path] for path in sorted(chosen)}, text)
 
 
-def _sources() -> dict[Path, bytes]:
-    """Content of the Python sources of the suite, by path below the root."""
-    rooms = [path for path in root().iterdir() if PACKAGE.fullmatch(path.name)]
-    files = sorted(path for room in rooms for path in room.rglob('*.py'))
-    return {path.relative_to(root()): path.read_bytes() for path in files}
+def _sources() -> dict[str, bytes]:
+    """Content of the Python sources of the suite, by path below the root; at each start."""
+    base = f'{root()}/'
+    files = [
+        f'{folder}/{name}'
+        for room in filter(PACKAGE.fullmatch, os.listdir(base))
+        for folder, _, names in os.walk(base + room)
+        for name in names
+        if name.endswith('.py')
+    ]
+    contents = {}
+    for file in sorted(files):
+        with open(file, 'rb') as source:
+            contents[file.removeprefix(base)] = source.read()
+    return contents
 
 
-def _digest(sources: dict[Path, bytes], text: str = '') -> str:
+def _digest(sources: dict[str, bytes], text: str = '') -> str:
     digest = hashlib.sha256(text.encode())
     for path, content in sources.items():
-        digest.update(path.as_posix().encode() + b'\0' + content)
+        digest.update(path.encode() + b'\0' + content)
     return digest.hexdigest()[:LENGTH]
 
 
@@ -86,11 +92,8 @@ def _compiler() -> str:
     return f'numba {version("numba")}, {sys.implementation.cache_tag}'
 
 
-def _module(path: Path) -> str:
-    return '.'.join(path.with_suffix('').parts).removesuffix('.__init__')
-
-
-def _is_of_ros(path: Path) -> bool:
+def _is_of_ros(path: str) -> bool:
     """Whether it is ROS code, which no kernel uses."""
-    of_ros = path.name.startswith('ros_') or path.name.endswith('_node.py')
-    return of_ros or path.parts[:2] == ('parallel_robot_model', 'nodes')
+    name = path.rpartition('/')[2]
+    of_nodes = path.startswith('parallel_robot_model/nodes/')
+    return of_nodes or name.startswith('ros_') or name.endswith('_node.py')
