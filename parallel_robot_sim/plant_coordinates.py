@@ -45,7 +45,8 @@ def coordinates_of(robot: RobotModel, plant: Plant, poses: Array) -> Array:
 def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) -> Array:
     """Coordinates at poses by Newton's method, each from those before; NaN where it fails."""
     x, size = first.copy(), len(first)
-    pose, ends, slopes = np.empty(size), np.empty((2, size)), np.empty((size, size))
+    pose, ends = np.empty(size), np.empty((2, size))
+    slopes, normal = np.empty((size, size)), np.empty((size, size))  # of each coordinate a row
     coordinates = np.full((len(poses), size), np.nan)
     for k in range(len(poses)):
         for _ in range(MOST):
@@ -56,11 +57,15 @@ def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) 
                     x[i] = here + (2 * side - 1) * SMALL
                     write_row(ends[side], 0, _pose(setup, state, x))
                 x[i] = here
-                slopes[:, i] = (ends[1] - ends[0]) / (2.0 * SMALL)
-            transposed = slopes.T.copy()  # solve() is for symmetric matrices
-            correction = solve(transposed @ slopes, multiply(transposed, poses[k] - pose))
+                slopes[i] = (ends[1] - ends[0]) / (2.0 * SMALL)
+            for i in range(size):  # solve() is for symmetric matrices
+                normal[i] = multiply(slopes, slopes[i])
+            correction = solve(normal, multiply(slopes, poses[k] - pose))
             x += correction
-            if np.max(np.abs(correction)) < ENOUGH:
+            largest = 0.0
+            for step in correction:
+                largest = max(largest, abs(step))
+            if largest < ENOUGH:
                 coordinates[k] = x
                 break
         if not np.isfinite(coordinates[k, 0]):

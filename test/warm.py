@@ -24,6 +24,7 @@ from trajectory_gen.configuration import motions_of
 NOTE = 'warm_for_tests'
 SCENARIOS = ('paper_circle', 'axes_step', 'serial_2r_circle')  # one of each robot
 MACHINE = 'five_bar_circle'  # of all machines that are described
+MACHINES = ('hexapod_circle', 'delta_circle')  # of those with as many joints
 
 
 def of_nodes(scenario):
@@ -47,10 +48,11 @@ def of_simulations(scenario, law):
     simulate(configure(resolve(scenario, {'law': law, 'duration': 0.01})))
 
 
-def of_a_machine():
+def of_a_machine(scenario):
     """All kernels of a machine, one after the other: two processes would compile the same."""
-    of_nodes(MACHINE)
-    of_simulations(MACHINE, 's_fotsmc')
+    of_nodes(scenario)
+    of_simulations(scenario, 's_fotsmc')
+    of_the_analysis(scenario)
 
 
 def main():
@@ -59,11 +61,13 @@ def main():
     if cache_directory.marked(NOTE) == version:
         return
     with multiprocessing.get_context('spawn').Pool(2, maxtasksperchild=8) as pool:
-        jobs = [pool.apply_async(of_a_machine)]
+        jobs = [pool.apply_async(of_a_machine, (MACHINE,))]
         jobs += [pool.apply_async(of_nodes, (scenario,)) for scenario in SCENARIOS]
         jobs += [pool.apply_async(of_the_analysis, (scenario,)) for scenario in SCENARIOS]
         for scenario in SCENARIOS:
             jobs += [pool.apply_async(of_simulations, (scenario, law)) for law in LAWS]
+        jobs[0].get()
+        jobs += [pool.apply_async(of_a_machine, (scenario,)) for scenario in MACHINES]
         for job in jobs:
             job.get()
     cache_directory.mark(NOTE, version)
