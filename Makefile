@@ -22,6 +22,10 @@ OF_TOOLS := from importlib.metadata import requires; \
 TESTS := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
+# What compiles the kernels, as setup.py has it: they are compiled while the rest is downloaded.
+COMPILE := $(shell grep -oE "'(numba|numpy|pyyaml|scipy)[<>=][^']*'" setup.py)
+COMPILER := .venv/compiler-$(call hash,setup.py)
+KERNELS := .venv/kernels-$(call hash,$(SOURCES))
 DEPENDENCIES := .venv/dependencies-$(call hash,setup.py)
 TOOLS := .venv/tools-$(call hash,setup.py)
 INSTALLED := .venv/installed-$(call hash,$(SOURCES))
@@ -99,10 +103,22 @@ $(BIN)/python:
 	@echo "Setup, 1 of 3: creating .venv with $$($(PYTHON) --version) ..."
 	@$(PYTHON) -m venv --clear .venv
 
-$(DEPENDENCIES): | $(BIN)/python
-	@echo 'Setup, 2 of 3: ROS 2 and libraries, some 100 packages, a minute the first time ...'
+$(COMPILER): | $(BIN)/python
+	@echo 'Setup, 2 of 3: ROS 2 and libraries, some 100 packages; meanwhile some 250 kernels are compiled ...'
+	@rm -f .venv/compiler-*
+	@$(BIN)/python -m pip install -qq --no-compile $(COMPILE)
+	@touch $@
+
+$(DEPENDENCIES): | $(COMPILER)
 	@rm -f .venv/dependencies-*
 	@$(BIN)/python -m pip install -qq --no-compile '.[ros,all,source]'
+	@touch $@
+
+$(KERNELS): | $(COMPILER)
+	@rm -f .venv/kernels-*
+	@PYTHONPATH=. $(BIN)/python -c "$(WARM) $(WARM_CONTROLLER)" & other=$$!; \
+	trap 'kill $$other 2> /dev/null' EXIT; \
+	PYTHONPATH=. $(BIN)/python -c "$(WARM) $(WARM_OTHERS)" && wait $$other && other=
 	@touch $@
 
 $(TOOLS): | $(INSTALLED)
@@ -112,16 +128,14 @@ $(TOOLS): | $(INSTALLED)
 	@$(BIN)/python -m pip install -qq --no-compile -r .venv/tools.txt
 	@touch $@
 
-$(INSTALLED): $(DEPENDENCIES)
-	@echo 'Setup, 3 of 3: parallel_robot; its some 250 kernels are compiled, one to two minutes ...'
+$(INSTALLED): | $(COMPILER)
+	@$(MAKE) --no-print-directory -j2 $(DEPENDENCIES) $(KERNELS)
+	@echo 'Setup, 3 of 3: parallel_robot, and a first run of it ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
-	@warm=$$(mktemp -d) && trap 'kill $$other 2> /dev/null; rm -rf "$$warm"' EXIT && \
+	@warm=$$(mktemp -d) && trap 'rm -rf "$$warm"' EXIT && \
 	bin='$(abspath $(BIN))' && cd "$$warm" && \
-	{ "$$bin/python" -c "$(WARM) $(WARM_CONTROLLER)" & other=$$!; } && \
 	"$$bin/parallel_robot" simulate paper_circle --duration 0.1 --out run > /dev/null && \
-	"$$bin/parallel_robot" analyze run > /dev/null && \
-	"$$bin/python" -c "$(WARM) $(WARM_OTHERS)" && \
-	wait $$other && other=
+	"$$bin/parallel_robot" analyze run > /dev/null
 	@touch $@
