@@ -113,7 +113,7 @@ def faults(answer):
 
 
 @pytest.mark.parametrize(
-    'command, half',
+    ('command', 'half'),
     [
         *((command, 0) for command in (*QUICK, *SLOW)),
         *(pytest.param(command, 1, marks=pytest.mark.endurance) for command in QUICK),
