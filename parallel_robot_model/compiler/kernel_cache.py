@@ -29,7 +29,9 @@ from parallel_robot_model.compiler.numba_parts import (
     IndexDataCacheFile,
     NullCache,
     _CacheLocator,
+    loaded_library,
     rtsys,
+    symbols_of,
 )
 from parallel_robot_model.processes import cache_directory, code_version
 from parallel_robot_model.processes.cache_directory import NOTICE, PREFIX
@@ -86,6 +88,20 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
         _check_private(self._locator.get_cache_path())
         name = f'{function.__module__.rpartition(".")[2]}.{function.__qualname__}'
         self._filename_base = self.get_filename_base(name, getattr(sys, 'abiflags', ''))
+
+    def reduce(self, compiled: Any) -> Any:
+        """What is kept of a compiled function."""
+        return symbols_of(compiled), super().reduce(compiled)
+
+    def rebuild(self, target_context: Any, payload: Any) -> Any:
+        """A compiled function of what was kept of it."""
+        symbols, state = payload
+        codegen = target_context.codegen()
+        codegen.unserialize_library = functools.partial(loaded_library, symbols, codegen)
+        try:
+            return super().rebuild(target_context, state)
+        finally:
+            del codegen.unserialize_library
 
 
 class KernelCache(FunctionCache):  # type: ignore[misc]

@@ -8,9 +8,11 @@ test_integrators.py.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable
 from typing import Any
 
+from llvmlite import binding as llvm
 from numba import types
 
 # Emits loops over the elements of tuples and arrays; numba.extending has no word for it.
@@ -58,8 +60,8 @@ __all__ = [
     'AttributeTemplate', 'CPUDispatcher', 'CachedDispatcher', 'CompileResultCacheImpl',
     'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
     'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed',
-    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'loops_of', 'lower_builtin',
-    'lower_getattr_generic', 'rtsys',
+    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'loaded_library', 'loops_of',
+    'lower_builtin', 'lower_getattr_generic', 'rtsys', 'symbols_of',
 ]  # fmt: skip
 
 
@@ -95,6 +97,49 @@ def bitcode_of(compiled: Any) -> tuple[str, bytes]:
     """Name of a compiled function in LLVM, and the bitcode of all that it is made of."""
     module = compiled.library._get_module_for_linking()
     return str(compiled.fndesc.llvm_func_name), bytes(module.as_bitcode())
+
+
+class _LaterModule:
+    """Bitcode that is parsed when another function is compiled that calls this one.
+
+    Few are: to parse the code of all that is loaded took a tenth of a start.
+    """
+
+    def __init__(self, bitcode: bytes) -> None:
+        self._bitcode = bitcode
+
+    @functools.cached_property
+    def _module(self) -> Any:
+        return llvm.parse_bitcode(self._bitcode)
+
+    def clone(self) -> Any:
+        """A module of LLVM to be linked into another."""
+        return self._module.clone()
+
+    def as_bitcode(self) -> bytes:
+        """The bitcode."""
+        return self._bitcode
+
+
+def symbols_of(compiled: Any) -> list[str]:
+    """Names of all that the code of a compiled function defines."""
+    module = compiled.library._get_module_for_linking()
+    parts = itertools.chain(module.functions, module.global_variables)
+    return [part.name for part in parts if not part.is_declaration]
+
+
+def loaded_library(
+    symbols: list[str], codegen: Any, state: tuple[str, str, tuple[bytes, bytes]]
+) -> Any:
+    """Code of a function from a cache, as Numba's unserialize_library makes it of its state."""
+    name, _, (machine_code, bitcode) = state
+    library = codegen.create_library(name)
+    library.enable_object_caching()
+    library._set_compiled_object(machine_code)
+    library._shared_module = _LaterModule(bitcode)
+    library._finalize_final_module()
+    codegen._engine._defined_symbols.update(symbols)
+    return library
 
 
 def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., Any]]:
