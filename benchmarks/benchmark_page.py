@@ -20,10 +20,10 @@ TEXTS = {
     'kernels': (
         'Plant and closed loop, beside MuJoCo',
         """\
-Time of a step of 1 ms, without ROS. *Plant* is the robot alone, with friction, under a constant
-torque; *closed loop* adds S-FOTSMC, all limits and checks and the record of the run. The peer is
-MuJoCo in its own loop in C, without a controller: the same robot, as three two-link legs held to
-the platform by constraints, with the viscous friction alone. An hour is run second by second.""",
+Time of a step of 1 ms, without ROS. *Plant* is the robot alone, with friction; *closed loop* adds
+S-FOTSMC, all limits and checks and the record of the run. MuJoCo runs in its own loop in C,
+without a controller: the same robot as three legs held to the platform by constraints, with the
+viscous friction alone. An hour is run second by second.""",
     ),
     'machines': (
         'Machines from descriptions, beside MuJoCo and Pinocchio',
@@ -31,7 +31,7 @@ the platform by constraints, with the viscous friction alone. An hour is run sec
 Processor time of a call. *Posture and model*: loops closed, M, Q and gravity. `mj_step` steps the
 same machine with soft constraints and without control. Pinocchio, if it is installed, computes
 the accelerations of the same joints and contacts. *Simulate, real time* is simulated over spent
-time of a whole run under S-FOTSMC, motion and record included.""",
+time of a whole run under S-FOTSMC.""",
     ),
     'calibration': (
         'Calibration',
@@ -42,8 +42,8 @@ time of a whole run under S-FOTSMC, motion and record included.""",
     'reading': (
         'Reading a bag',
         """\
-From a bag on disk to aligned arrays. The peer, `AnyReader` of rosbags, only deserialises the
-messages of the same topics.""",
+From a bag on disk to aligned arrays. `AnyReader` of rosbags only deserialises the messages of the
+same topics.""",
     ),
     'length': (
         'Long runs',
@@ -54,14 +54,14 @@ included.""",
     'sweep': (
         'Sweeps',
         """\
-1000 runs of 12 s of motion, with uncertain masses and friction, start of the workers and summary
-included, are to take 15 s on two idle cores. The limit of each sample is computed once for all
-laws; with one law, as here, each run pays for one.""",
+1000 runs of 12 s of motion, with uncertain masses and friction, start and summary included, are
+to take 15 s on two idle cores. Each sample's limit is computed once for all laws; with one law,
+as here, each run pays for one.""",
     ),
     'laws': (
         'Control laws',
         """\
-One cycle of each law: as a kernel, and in the controller node, from the bytes of a state to the
+One cycle of each law, as a kernel and in the controller node, from the bytes of a state to the
 published command. The loop has 1000 us.""",
     ),
     'native': (
@@ -75,8 +75,8 @@ machine's, and so it is in a cycle.""",
     'estimators': (
         'Kalman filter',
         """\
-Processor time of one control cycle under S-FOTSMC with all limits and checks, in a compiled loop
-over recorded states. States 3 ms late are predicted over three more periods.""",
+Processor time of a control cycle under S-FOTSMC with all limits and checks, over recorded states.
+States 3 ms late are predicted over three more periods.""",
     ),
     'player': (
         'Player',
@@ -91,6 +91,14 @@ nothing ([what each figure means](../benchmarks/README.md#the-nodes-beside-an-em
     ),
 }
 BESIDE = {  # figures of one thing that stand in one row: the ends of their names
+    'machines': (
+        ', posture and model',
+        ', acceleration',
+        ', margins',
+        ', mj_step',
+        ', mj_step, times that',
+        ', simulate, real time',
+    ),
     'calibration': (
         ', truths in their 95 % intervals',
         ', true error before',
@@ -137,15 +145,23 @@ def table(rows: list[Row], ends: tuple[str, ...]) -> str:
         rows: Figures.
         ends: What their names end with, a column each; the first also has what ends otherwise.
     """
-    heads = [end.removeprefix(', ') or 'median' for end in ends]
+    units = {end: {row['unit'] for row in rows if _end(row, ends) == end} for end in ends}
+    shared = {end: of.pop() for end, of in units.items() if len(of) == 1}
+    told = {end: f' [{unit}]' for end, unit in shared.items() if unit not in ('', 'x')}
+    heads = [(end.removeprefix(', ') or 'median') + told.get(end, '') for end in ends]
     lines = [f'| figure | {" | ".join(heads)} |', '|---' * (len(ends) + 1) + '|']
     found: dict[str, dict[str, str]] = {}
     for row in rows:
-        end = max((end for end in ends if row['name'].endswith(end)), key=len, default=ends[0])
-        median, span, verdict = cells(row)
+        end = _end(row, ends)
+        median, span, verdict = cells(row | {'unit': ''} if end in shared else row)
         figure = f'{median} ({span}, {row["count"]})' if row['count'] > 1 else median
         beside = found.setdefault(row['name'].removesuffix(end), {})
         beside[end] = f'{figure}; {verdict}' if verdict else figure
     for name, texts in found.items():
         lines.append(f'| {name} | {" | ".join(texts.get(end, "") for end in ends)} |')
     return '\n'.join(lines)
+
+
+def _end(row: Row, ends: tuple[str, ...]) -> str:
+    """The longest of the ends that the name of a figure has, else the first."""
+    return max((end for end in ends if row['name'].endswith(end)), key=len, default=ends[0])

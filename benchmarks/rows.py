@@ -40,7 +40,7 @@ def cells(found: Row) -> tuple[str, str, str]:
     """Median with unit, span, and target with its verdict, as people read them."""
     median, low, high = (f'{found[key]:.4g}' for key in ('median', 'min', 'max'))
     verdict = f'{found["target"]}: {"met" if found["met"] else "missed"}' if 'met' in found else ''
-    return f'{median} {found["unit"]}'.strip(), f'{low} - {high}', verdict
+    return f'{median} {found["unit"]}'.strip(), f'{low}\N{EN DASH}{high}', verdict
 
 
 def show(found: Sequence[Row]) -> None:

@@ -21,14 +21,14 @@ HEAD = """# Parameters
 
 Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
 (`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
-those of `paper_circle`; [other robots](robots.md) have other groups `robot`, limits and margins.
-One number for a list is for all its entries, as for all joints; joints that are slides have m and
-N where rad and N m stand here. What can be changed while the loop runs:
+those of `paper_circle`, of several words the first; [other robots](robots.md) have other groups
+`robot`, limits and margins. One number for a list is for all its entries, as for all joints;
+slides have m and N where rad and N m stand here. What can be changed while the loop runs:
 [nodes.md](nodes.md#switched-while-the-robot-moves). `make docs` writes this file.
 
-`ros2 param load` takes what `ros2 param dump` wrote of the same node. Where a
-request gets no answer ("client will not receive response" in the log), the middleware had not
-found its receiver within 0.1 s: call again.
+`ros2 param load` takes what `ros2 param dump` wrote of the same node. Call again where a request
+gets no answer ("client will not receive response" in the log): the middleware had not found its
+receiver within 0.1 s.
 """
 DESCRIBED = [('robot', Described), ('safety', SafetyMargins), ('trajectory', MotionLimits)]
 LAST = [('recorder', RecorderParameters), ('monitor', MonitorParameters)]
@@ -66,29 +66,32 @@ def _keys(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
 
 
 def _gains(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
-    """A row for each gain, with all laws in which it means the same."""
-    laws_of: dict[Any, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
+    """A row for each name of a gain: what it means by which default in which laws."""
+    laws_of: dict[str, dict[str, dict[str, list[str]]]] = defaultdict(
+        lambda: defaultdict(lambda: defaultdict(list))
+    )
     for law, group in members:
         for gain in parameters(group):
             default = _limited(values[f'{law}.{gain.key}'], gain)
-            laws_of[gain.key, _meaning(gain)][default].append(f'`{law}`')
+            laws_of[gain.key][_meaning(gain)][default].append(f'`{law}`')
     rows = [
         'A key is law and gain, as `smc.G`.\n\n'
-        '| gain | default, range: laws | meaning |\n|---|---|---|\n'
+        '| gain | meaning: default, range: laws |\n|---|---|\n'
     ]
-    for (gain, meaning), laws in sorted(laws_of.items(), key=lambda row: row[0][0].lower()):
-        by_default = '; '.join(f'{default}: {", ".join(of)}' for default, of in laws.items())
-        rows.append(_row(f'`{gain}`', by_default, meaning))
+    for gain, meanings in sorted(laws_of.items(), key=lambda row: row[0].lower()):
+        cell = '<br>'.join(
+            f'{meaning}: '
+            + '; '.join(f'{default}: {", ".join(of)}' for default, of in laws.items())
+            for meaning, laws in meanings.items()
+        )
+        rows.append(_row(f'`{gain}`', cell))
     return ''.join(rows)
 
 
 def _limited(value: Any, parameter: Parameter) -> str:
     """A default, the range, and the words that can stand in its place."""
     others = [f'`{word}`' for word in _words(parameter) if word != value]
-    parts = [_default(value, parameter), _range(parameter)]
-    if others:
-        parts.append(f'or {", ".join(others)}')
-    return ', '.join(filter(None, parts))
+    return ', '.join(filter(None, [_default(value, parameter), *others, _range(parameter)]))
 
 
 def _default(value: Any, parameter: Parameter) -> str:
@@ -124,8 +127,8 @@ def _plain(value: Any) -> str:
 def _range(parameter: Parameter) -> str:
     low, high = parameter.field.low, parameter.field.high
     if math.inf in (-low, high):
-        return f'>= {low:g}' if low > -math.inf else f'<= {high:g}' if high < math.inf else ''
-    return f'{low:g} to {high:g}'
+        return f'≥{low:g}' if low > -math.inf else f'≤{high:g}' if high < math.inf else ''
+    return f'{low:g}\N{EN DASH}{high:g}'
 
 
 if __name__ == '__main__':
