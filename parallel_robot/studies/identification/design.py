@@ -2,6 +2,10 @@
 
 The combination of parameters that a motion shows worst is that of the smallest singular value of
 the regressor, whose columns are multiplied by the sizes of the parameters: errors are relative.
+
+Source:
+    Swevers, Ganseman, Tukel, De Schutter, Van Brussel (1997), Optimal robot excitation and
+    identification, IEEE Trans. Robotics and Automation 13(5).
 """
 
 from __future__ import annotations

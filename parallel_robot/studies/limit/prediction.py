@@ -1,8 +1,22 @@
 """The least error of a controller that knows all but noise: Kalman filter and prediction.
 
-A torque acts from one sample to the next. What is known when it is asked for is the state measured
-some samples before; hence no controller has a smaller mean square error at the next
-sample than the prediction by the Kalman filter over the samples in between.
+Small deviations x from the desired motion, and the disturbance w of the joints, obey
+
+    x(k+1) = A(k) x(k) + B(k) (u(k) + m(k) - w(k)),    y(k) = C(k) x(k) + r(k),
+    w(k+1) = a w(k) + sqrt(1 - a^2) sigma xi(k),       a = exp(-2 pi f T)
+
+with the noise m of the motors and r of the sensors, the bandwidth f of the disturbance and the
+period T. A torque acts from one sample to the next and follows from y(0) ... y(k - d), d samples
+late. Hence no controller has a smaller mean square error at the next sample than the prediction
+by the Kalman filter over the samples in between,
+
+    E |e(k+1)|^2 >= trace(J(k+1) P(k+1 | k-d) J(k+1)^T),
+
+P the covariance of the prediction, J from the state to the end effector.
+
+Source:
+    Astrom (1970), Introduction to Stochastic Control Theory, chapter 8; Kalman (1960), J. Basic
+    Engineering 82(1).
 """
 
 from __future__ import annotations
