@@ -59,7 +59,7 @@ def _cell(law: str, changes: Mapping[str, Any], seconds: float) -> str:
         error = (made.run.pose - made.reference.pose)[half, :2]
         errors.append(np.sqrt((error**2).sum(axis=1).mean()))
         steps.append(np.abs(np.diff(made.run.command[half], axis=0)).mean())
-    return f'{1e6 * np.mean(errors):.0f} / {np.mean(steps):.2g}'
+    return f'{1e6 * np.mean(errors):.0f} ({np.mean(steps):.2g})'
 
 
 if __name__ == '__main__':

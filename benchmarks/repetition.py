@@ -4,7 +4,7 @@ Usage: python benchmarks/repetition.py [robots] [KEY=VALUE ...]
 
 The paper's circle with disturbances that come back in each turn, with some that do not, and
 the robots of config/studies/laboratory.yaml. True error of the end effector over a turn, rms: the
-last of eleven without learning, then those after 1, 3 and 10 turns of learning.
+last of eleven without learning, then those after 3 and 10 turns of learning.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from parallel_robot_sim.simulation import simulate
 
 LAWS = ('s_fotsmc', 'pid', 'lqg_tracking', 'tdc', 'computed_torque')
 TURNS = 11
-AFTER = (1, 3, 10)
+AFTER = (3, 10)
 NOISE = {
     'sensor.stamp': 'measured', 'sensor.delay': 0.002, 'sensor.position_noise': 5e-6,
     'sensor.velocity_noise': 0.005, 'disturbance.bandwidth': 10.0,
