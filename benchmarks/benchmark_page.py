@@ -139,14 +139,14 @@ def machine(found: dict[str, Any]) -> str:
 
 
 def table(rows: list[Row], ends: tuple[str, ...]) -> str:
-    """Figures of one thing as one row: the median, with its spread, rounds and verdict.
+    """Figures of one thing as one row, or as an item of a list: median, spread and verdict.
 
     Args:
         rows: Figures.
         ends: What their names end with, a column each; the first also has what ends otherwise.
     """
     units = {end: {row['unit'] for row in rows if _end(row, ends) == end} for end in ends}
-    shared = {end: of.pop() for end, of in units.items() if len(of) == 1}
+    shared = {end: of.pop() for end, of in units.items() if len(of) == 1 < len(ends)}
     told = {end: f' [{unit}]' for end, unit in shared.items() if unit not in ('', 'x')}
     heads = [(end.removeprefix(', ') or 'median') + told.get(end, '') for end in ends]
     lines = [f'| figure | {" | ".join(heads)} |', '|---' * (len(ends) + 1) + '|']
@@ -157,6 +157,8 @@ def table(rows: list[Row], ends: tuple[str, ...]) -> str:
         figure = f'{median} ({span}, {row["count"]})' if row['count'] > 1 else median
         beside = found.setdefault(row['name'].removesuffix(end), {})
         beside[end] = f'{figure}; {verdict}' if verdict else figure
+    if len(ends) == 1:
+        return '\n'.join(f'- {name}: {texts[ends[0]]}' for name, texts in found.items())
     for name, texts in found.items():
         lines.append(f'| {name} | {" | ".join(texts.get(end, "") for end in ends)} |')
     return '\n'.join(lines)

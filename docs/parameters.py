@@ -1,4 +1,4 @@
-"""Writes the tables of docs/parameters.md from the types of the parameters."""
+"""Writes the lists of docs/parameters.md from the types of the parameters."""
 
 import math
 import sys
@@ -19,12 +19,13 @@ from parallel_robot_sim.parameter_groups import groups
 
 HEAD = """# Parameters
 
-Every key of the configuration: as ROS parameter (`-p KEY:=VALUE`), on the command line
-(`--set KEY=VALUE`), in YAML and in code (`config.resolve(scenario, {KEY: VALUE})`). Defaults are
-those of `paper_circle`, of several words the first; [other robots](robots.md) have other groups
-`robot`, limits and margins. One number for a list is for all its entries, as for all joints;
-slides have m and N where rad and N m stand here. What can be changed while the loop runs:
-[nodes.md](nodes.md#switched-while-the-robot-moves). `make docs` writes this file.
+Every key of the configuration with its default, its range and what it means: as ROS parameter
+(`-p KEY:=VALUE`), on the command line (`--set KEY=VALUE`), in YAML and in code
+(`config.resolve(scenario, {KEY: VALUE})`). Defaults are those of `paper_circle`, of several words
+the first; [other robots](robots.md) have other groups `robot`, limits and margins. One number for
+a list is for all its entries, as for all joints; slides have m and N where rad and N m stand here.
+What can be changed while the loop runs: [nodes.md](nodes.md#switched-while-the-robot-moves).
+`make docs` writes this file.
 
 `ros2 param load` takes what `ros2 param dump` wrote of the same node. Call again where a request
 gets no answer ("client will not receive response" in the log): the middleware had not found its
@@ -52,64 +53,51 @@ def text() -> str:
 
 
 def _keys(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
-    """A row for each key; keys that differ in nothing else share one."""
+    """An entry for each key; keys that differ in nothing else share one."""
     keys_of = defaultdict(list)
     for prefix, group in members:
         if prefix == 'true_robot':
             continue
         for parameter in parameters(group):
             key = f'{prefix}.{parameter.key}' if prefix else parameter.key
-            keys_of[_limited(values[key], parameter), _meaning(parameter)].append(f'`{key}`')
-    rows = ['| key | default, range | meaning |\n|---|---|---|\n']
-    rows += [_row(', '.join(keys), *about) for about, keys in keys_of.items()]
-    return ''.join(rows)
+            keys_of[_limited(values[key], parameter), parameter.field.description].append(
+                f'`{key}`'
+            )
+    return ''.join(
+        f'- {", ".join(of)}: {value}; {text}\n' for (value, text), of in keys_of.items()
+    )
 
 
 def _gains(members: list[tuple[str, Any]], values: dict[str, Any]) -> str:
-    """A row for each name of a gain: what it means by which default in which laws."""
+    """An entry for each name of a gain: what it means by which default in which laws."""
     laws_of: dict[str, dict[str, dict[str, list[str]]]] = defaultdict(
         lambda: defaultdict(lambda: defaultdict(list))
     )
     for law, group in members:
         for gain in parameters(group):
             default = _limited(values[f'{law}.{gain.key}'], gain)
-            laws_of[gain.key][_meaning(gain)][default].append(f'`{law}`')
-    rows = [
-        'A key is law and gain, as `smc.G`.\n\n'
-        '| gain | meaning: default, range: laws |\n|---|---|\n'
-    ]
+            laws_of[gain.key][gain.field.description][default].append(f'`{law}`')
+    rows = ['A key is law and gain, as `smc.G`; the laws stand in brackets.\n\n']
     for gain, meanings in sorted(laws_of.items(), key=lambda row: row[0].lower()):
-        cell = '<br>'.join(
+        texts = (
             f'{meaning}: '
-            + '; '.join(f'{default}: {", ".join(of)}' for default, of in laws.items())
+            + ', '.join(f'{default} ({", ".join(of)})' for default, of in laws.items())
             for meaning, laws in meanings.items()
         )
-        rows.append(_row(f'`{gain}`', cell))
+        rows.append(f'- `{gain}`: {"; ".join(texts)}\n')
     return ''.join(rows)
 
 
 def _limited(value: Any, parameter: Parameter) -> str:
     """A default, the range, and the words that can stand in its place."""
-    others = [f'`{word}`' for word in _words(parameter) if word != value]
-    return ', '.join(filter(None, [_default(value, parameter), *others, _range(parameter)]))
-
-
-def _default(value: Any, parameter: Parameter) -> str:
-    shown = f'`{value}`' if value in _words(parameter) else _plain(value)
-    return f'{shown} {parameter.field.unit}'.strip()
+    others = [word for word in _words(parameter) if word != value]
+    default = f'{_plain(value)} {parameter.field.unit}'.strip()
+    return ', '.join(filter(None, [default, *others, _range(parameter)]))
 
 
 def _words(parameter: Parameter) -> tuple[str, ...]:
     literal = get_origin(parameter.type) is Literal
     return get_args(parameter.type) if literal else words(parameter.type)
-
-
-def _meaning(parameter: Parameter) -> str:
-    return parameter.field.description.replace('|', r'\|')
-
-
-def _row(*cells: str) -> str:
-    return '| ' + ' | '.join(cells) + ' |\n'
 
 
 def _plain(value: Any) -> str:

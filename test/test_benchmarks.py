@@ -76,7 +76,7 @@ def test_the_page_has_a_section_for_each(modules):
     for name, (title, words) in page.TEXTS.items():
         assert (ROOT / 'benchmarks' / f'{name}.py').is_file()
         assert f'## {title}\n\n{words}\n' in text, 'run make bench'
-    targets = re.findall(r'^\| MuJoCo, .*; >= ([\d.]+): \w+ \|$', text, re.MULTILINE)
+    targets = re.findall(r'^- MuJoCo, .*; >= ([\d.]+): \w+$', text, re.MULTILINE)
     assert targets == ['6', '20', '2.5']
 
 

@@ -41,9 +41,9 @@ def test_every_key_has_its_row():
     text = (DOCS / 'parameters.md').read_text()
     before, _, gains = text.partition('## Laws\n')
     gains, _, after = gains.partition('\n## ')
-    first_cells = re.findall(r'^\| (`.+?) \|', before + after, re.MULTILINE)
-    rows = re.findall(r'`([^`]+)`', ' '.join(first_cells))
-    for gain, laws in re.findall(r'^\| `(\w+)` \| (.+?) \|', gains, re.MULTILINE):
+    named = re.findall(r'^- (`.+?): ', before + after, re.MULTILINE)
+    rows = re.findall(r'`([^`]+)`', ' '.join(named))
+    for gain, laws in re.findall(r'^- `(\w+)`: (.+)$', gains, re.MULTILINE):
         rows += [f'{law}.{gain}' for law in re.findall(r'`(\w+)`', laws) if law in LAWS]
     keys = [k for k in config.resolve('paper_circle') if not k.startswith('true_robot.')]
     for prefix, group in script('parameters').DESCRIBED:  # of machines from a description

@@ -138,7 +138,9 @@ def test_faults_that_led_to_the_same_are_one_row_of_the_worst():
     text = page.faults([first, other, second, failed], [])
     assert '| a step by -0.1, -10 s | fault: late | 20.0 mm | 1.50 s | 4.0 N m |' in text
     assert text.endswith('happened: a step by -20 s.')
-    assert page.joined(['1.7 times', 'no', '1.7 times', '2.5 times']) == '1.7, 2.5 times; no'
+    texts = ['1.7 times', 'no', '1.7 times', '2.5 times']
+    assert page.joined(texts, page.NUMBER) == ['1.7, 2.5 times', 'no']
+    assert page.joined(['plant late', 'states late'], page.SUBJECT) == ['plant, states late']
 
 
 def test_a_section_is_written_without_touching_the_others(tmp_path):

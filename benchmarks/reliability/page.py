@@ -13,6 +13,7 @@ from reliability.judging import BOUND, Outcome
 
 PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?')
+SUBJECT = re.compile(r'\b(?:trajectory|plant|controller|commands|references|states)\b')
 
 HEAD = f"""\
 | fault | reaction | worst error | below {1e3 * BOUND:g} mm again after | torque |
@@ -62,7 +63,7 @@ def together(outcomes: Sequence[Outcome]) -> list[Outcome]:
         kinds.setdefault((kind, outcome.reaction, outcome.failures), []).append(outcome)
     rows = []
     for (_, reaction, failures), some in kinds.items():
-        name = joined([each.fault for each in some])
+        (name,) = joined([each.fault for each in some], NUMBER)
         times = [each.recovery for each in some if each.recovery is not None]
         recovery = max(times) if len(times) == len(some) else None
         worst, torque = max(each.worst for each in some), max(each.torque for each in some)
@@ -70,21 +71,21 @@ def together(outcomes: Sequence[Outcome]) -> list[Outcome]:
     return rows
 
 
-def joined(texts: Sequence[str]) -> str:
-    """Texts in one line; those that differ in their first number alone become one."""
+def joined(texts: Sequence[str], part: re.Pattern[str]) -> list[str]:
+    """Texts of which those that differ in the first match of a pattern alone become one."""
     kinds: dict[str, list[str]] = {}
     for text in dict.fromkeys(texts):
-        number = NUMBER.search(text)
-        kinds.setdefault(NUMBER.sub('#', text, count=1), []).append(number[0] if number else '')
-    return '; '.join(kind.replace('#', ', '.join(numbers)) for kind, numbers in kinds.items())
+        found = part.search(text)
+        kinds.setdefault(part.sub('#', text, count=1), []).append(found[0] if found else '')
+    return [kind.replace('#', ', '.join(parts)) for kind, parts in kinds.items()]
 
 
 def ridden_through(quiet: Sequence[Outcome]) -> str:
     """The faults of which nothing came, in one sentence."""
     worst = length(max(outcome.worst for outcome in quiet))
     torque = max(outcome.torque for outcome in quiet)
-    names = joined([outcome.fault for outcome in quiet])
-    return f'Ridden through with at most {worst} and {torque:.1f} N m: {names}.'
+    names = joined(joined([outcome.fault for outcome in quiet], NUMBER), SUBJECT)
+    return f'Ridden through with at most {worst} and {torque:.1f} N m: {"; ".join(names)}.'
 
 
 def row(outcome: Outcome) -> str:

@@ -1,4 +1,14 @@
-"""S-FOTSMC on predicted motion, with the estimated disturbance fed forward."""
+"""S-FOTSMC on predicted motion, with the estimated disturbance fed forward.
+
+Proved: with D the whole unknown torque, S = Xi - tau_sw, Xi = M^-1 (D - d). Where the prediction
+is exact and |Xi'| <= G, the paper's argument leads to S = 0 in finite time, then to e_c = 0 (Bhat,
+Bernstein 2000, for the homogeneous system e_c'' + w = 0). That is a condition on the loop, since d
+depends on it, and Coulomb friction breaks it at each reversal.
+
+Not proved: there is no separation principle here, as sig is not Lipschitz at zero. With noise Xi'
+is not bounded, and S does not stay zero. Two things are approximations: joints that depend on each
+other through M alone in the covariances, and friction by the sign of the desired motion.
+"""
 
 from __future__ import annotations
 
