@@ -80,6 +80,19 @@ def test_the_page_has_a_section_for_each(modules):
     assert targets == ['6', '20', '2.5']
 
 
+def test_a_unit_of_a_whole_column_stands_in_its_head(modules):
+    _, page, rows = modules
+    names = ('a, kernel', 'us'), ('a, node', 'us'), ('b, kernel', 'us'), ('b, node', 'ms')
+    figures = [rows.row(name, unit, [i]) for i, (name, unit) in enumerate(names)]
+    assert page.table(figures, (', kernel', ', node')).splitlines() == [
+        '| figure | kernel [us] | node |',
+        '|---|---|---|',
+        '| a | 0 | 1 us |',
+        '| b | 2 | 3 ms |',
+    ]
+    assert page.table(figures[:1], ('',)) == '- a, kernel: 0 us'
+
+
 def test_the_programs_that_pages_cite_run(monkeypatch):
     """Shortened; those that need nodes are left to the campaign."""
     monkeypatch.syspath_prepend(ROOT / 'benchmarks')
