@@ -7,7 +7,7 @@ import signal
 import sys
 from functools import partial
 
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.ending_signals import Ended, end, ending_signals
 
 STREAMS = {'stdin': 'r', 'stdout': 'w', 'stderr': 'w'}  # by their numbers
 
@@ -21,13 +21,18 @@ def main() -> int:
                 signal.signal(number, lambda *_: os._exit(0))
             signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
         else:
-            for number in ending_signals()[1:]:  # Python raises KeyboardInterrupt for the first
-                signal.signal(number, lambda number, _: sys.exit(128 + number))  # cleans up
+            interrupt, *others = ending_signals()
+            if signal.getsignal(interrupt) != signal.SIG_IGN:  # as of a command in the background
+                signal.signal(interrupt, end)
+            for number in others:
+                signal.signal(number, end)
                 default = partial(signal.signal, number, signal.SIG_DFL)
                 os.register_at_fork(after_in_child=default)
         from parallel_robot.cli import command_line
 
         return command_line.main()
+    except Ended as ended:
+        return ended.exit_code
     except KeyboardInterrupt:
         return 130
 

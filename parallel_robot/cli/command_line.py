@@ -24,6 +24,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.options import Parser
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.processes.ending_signals import Ended
 
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
@@ -128,6 +129,8 @@ def main(words: Sequence[str] | None = None) -> int:
     except MemoryError:
         print(f'{name}: out of memory', file=sys.stderr)
         return 1
+    except Ended as ended:
+        return ended.exit_code
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:  # whoever read the output has seen enough
