@@ -225,3 +225,52 @@ class TestCommand:
         assert main(['robot', *words]) == 2
         told = capsys.readouterr().err
         assert text in told and told.count('\n') == 1
+
+
+class TestProposedMotion:
+    """Of machines whose home is near an end of travel, as of many a slide, or beyond it."""
+
+    @pytest.fixture
+    def slide(self, tmp_path):
+        def write(lower, upper):
+            file = tmp_path / 'slide.urdf'
+            file.write_text(f"""<robot name="slide"><link name="base"/><link name="jaw"><inertial>
+              <mass value="0.2"/>
+              <inertia ixx="1e-4" iyy="1e-4" izz="1e-4" ixy="0" ixz="0" iyz="0"/>
+              </inertial></link><joint name="open" type="prismatic"><parent link="base"/>
+              <child link="jaw"/><axis xyz="0 0 -1"/>
+              <limit lower="{lower}" upper="{upper}" effort="20" velocity="1"/></joint></robot>""")
+            return resolve(str(file))
+
+        return write
+
+    @pytest.mark.parametrize(
+        ('lower', 'upper', 'share'),
+        [(0, 0.03, -0.8), (-0.03, 0, 0.8), (-0.02, 0.03, -0.8), (-9, 9, None)],
+    )
+    def test_it_goes_where_the_travel_has_room(self, lower, upper, share, slide):
+        values = slide(lower, upper)
+        room = 0.03
+        ((start,), (end,)) = values['move.start'], values['move.end']
+        assert start == 0.0
+        if share is None:
+            assert end > room
+        else:  # the tool goes down where the joint opens
+            np.testing.assert_allclose(end, share * room, rtol=1e-12)
+        run = loop_of({**values, 'duration': 1.0})
+        assert np.isfinite(run.position).all()
+
+    @pytest.mark.parametrize(('lower', 'upper', 'end'), [(0.01, 0.03, 1.0), (-0.03, 0.0, -0.02)])
+    def test_a_home_without_room_is_named(self, lower, upper, end, slide):
+        values = {**slide(lower, upper), 'move.end': [end]}
+        with pytest.raises(InputError) as caught:
+            loop_of({**values, 'duration': 1.0})
+        told = str(caught.value)
+        travel = f'at home open is at 0, its travel from {lower:g} to {upper:g}: choose robot.home'
+        assert 'end of travel' in told and travel in told
+
+    def test_a_home_with_room_is_not(self, slide):
+        values = {**slide(0.0, 0.03), 'move.end': [-1.0], 'move.duration': 1.0}
+        with pytest.raises(InputError) as caught:
+            loop_of({**values, 'duration': 1.0})
+        assert 'end of travel' in str(caught.value) and 'home' not in str(caught.value)

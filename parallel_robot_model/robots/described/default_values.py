@@ -11,6 +11,7 @@ from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.mechanisms import closing, dynamics, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
+from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.workspace import boxed
 
 CHOICES: dict[str, Any] = {'actuated': (), 'tool': '', 'home': '', 'held': ()}
@@ -20,6 +21,8 @@ PUSH = 20.0  # rad/s^2 or m/s^2, for which motors without a limit are strong eno
 SPEED = 10.0  # rad/s or m/s, a fault where the file has no limit
 WIDE = 0.1  # of the length of the machine, a motion that is proposed
 HARMONICS = 5
+TINY = 1e-12  # rad or m, a motion that is none
+USED = 0.8  # of the travel, by a motion that is proposed where there is less than it needs
 
 
 def choices(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -46,6 +49,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
     limits = torque_limits(made, inertia, gravity)
     lengths = [unit == 'm' for _, unit in coordinates_of(made)]
     steps = WIDE * np.where(lengths, made.mechanism.length, 1.0)
+    steps[0] *= _share(made, steps[0])
     end = pose.copy()
     end[0] += steps[0]
     sine, cosine = np.zeros((2, n, HARMONICS))
@@ -80,8 +84,8 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
         'trapezoid': {
             'start': pose.tolist(),
             'end': end.tolist(),
-            'speed': (5.0 * steps).tolist(),
-            'acceleration': (20.0 * steps).tolist(),
+            'speed': (5.0 * np.abs(steps)).tolist(),
+            'acceleration': (20.0 * np.abs(steps)).tolist(),
         },
         'excitation': {
             'center': pose.tolist(),
@@ -148,6 +152,29 @@ def at_home(made: Machine) -> tuple[Array, Array, Array]:
     dynamics.model(mechanism, work, np.zeros(n), M, Q, gravity)
     tool.tool_pose(mechanism, work, pose)
     return np.diag(M).copy(), gravity, pose
+
+
+def _share(made: Machine, step: float) -> float:
+    """Share of a step of the first coordinate for which the travel has room, from -1 to 1.
+
+    To first order, from home: 1 where all of it fits; negative where more fits the other way; 1,
+    too, where home is outside the travel or the tool cannot be led.
+    """
+    mechanism, work = boxed(made.mechanism)
+    n, position = len(made.actuated), work.q.copy()
+    closing.close(mechanism, work, position)
+    margins(mechanism, work)  # writes the Jacobian, of a pose that is not the joints
+    slopes = work.tool_jacobian if made.coordinates else np.eye(n)
+    if np.linalg.matrix_rank(slopes) < n:
+        return 1.0
+    motion = step * np.linalg.inv(slopes)[:, 0]
+    moving = np.abs(motion) > TINY
+    ends = np.array([made.lower, made.upper])[:, moving] - position[moving]
+    shares = np.sort(ends / motion[moving], axis=0)  # of the step back, and ahead
+    back, ahead = shares[0].max(), shares[1].min()
+    if back > 0.0 or ahead < 0.0 or ahead >= 1.0:
+        return 1.0
+    return float(USED * ahead if ahead >= -back else max(USED * back, -1.0))
 
 
 def torque_limits(made: Machine, inertia: Array, gravity: Array) -> Array:

@@ -229,7 +229,6 @@ class DescribedRobot:
         reached = slice(0, int(unreached[0]) if unreached.size else None)
         closure, of_tool = reference.passive[reached].T
         position = reference.position[reached]
-        left = np.minimum(position - np.array(robot.lower), np.array(robot.upper) - position)
         failures = [
             first_sample(
                 closure < limits.min_closure,
@@ -245,16 +244,32 @@ class DescribedRobot:
                 'trajectory.min_tool, {}',
                 limits.min_tool,
             ),
-            first_sample(
-                left < limits.min_travel,
-                left,
-                'end of travel, {} left is below trajectory.min_travel, {}',
-                limits.min_travel,
-            ),
+            self._at_an_end(robot, limits.min_travel, position),
         ]
         if unreached.size:
             failures.append(Infeasible(int(unreached[0]), None, 'out of reach'))
         return [failure for failure in failures if failure is not None]
+
+    def _at_an_end(self, robot: Parameters, least: float, position: Array) -> Infeasible | None:
+        """First sample too near to an end of travel; names a home that is so already."""
+        lower, upper = np.array(robot.lower), np.array(robot.upper)
+        left = np.minimum(position - lower, upper - position)
+        text = 'end of travel, {} left is below trajectory.min_travel, {}'
+        found = first_sample(left < least, left, text, least)
+        if found is None or found.part is None:
+            return found
+        machine, j = self.machine(robot), found.part - 1
+        home = machine.mechanism.home[machine.mechanism.actuated[j]]
+        if position[found.sample, j] - lower[j] < upper[j] - position[found.sample, j]:
+            room = home - lower[j]
+        else:
+            room = upper[j] - home
+        if room > least:
+            return found
+        what = f'{machine.actuated[j]} is at {home:.4g}, its travel from {lower[j]:.4g} to'
+        return found._replace(
+            reason=f'{found.reason}; at home {printable(what)} {upper[j]:.4g}: choose robot.home'
+        )
 
     def segments(self, robot: Parameters, pose: Array, position: Array) -> dict[str, Array]:
         """Lines from joint to joint and to the tool, each posture found from the one before.
