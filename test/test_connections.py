@@ -74,3 +74,16 @@ def test_a_stranger_is_told_again_when_its_name_becomes_known(node, peer, monkey
     count = len(relay.told)
     relay._publish_diagnostics()
     assert len(relay.told) == count
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_publisher_that_was_restarted_is_not_called_two(node, peer):
+    """Messages of both may be heard when ROS knows one alone: the line does not contradict it."""
+    relay, _ = node(Relay, None)
+    peer.publisher(topics.JOINT_STATES)
+    peer.until(lambda: relay.count_publishers('/joint_states') == 1)
+    relay._on_stranger(topics.JOINT_STATES, several=False)
+    relay._publish_diagnostics()
+    assert relay.told[0].startswith(
+        'messages of two publishers, one ended or not known yet, those'
+    )

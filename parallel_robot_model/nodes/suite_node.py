@@ -401,7 +401,8 @@ class SuiteNode(Node):  # type: ignore[misc]
                 continue
             publishers = self._connections.publishers_of_input(topic)
             if topic not in told or (topic.name in several and told[topic] != publishers):
-                self.doubt(f'messages of two publishers, {used}: {publishers}')
+                what = '' if topic.name in several else ', one ended or not known yet'
+                self.doubt(f'messages of two publishers{what}, {used}: {publishers}')
                 told[topic] = publishers
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
