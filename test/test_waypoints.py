@@ -343,6 +343,10 @@ def test_numbers_of_other_units_are_doubted(scenario):
     assert doubts('paper_circle') == ()
     (degrees,) = doubts('paper_circle', angle=90.0)
     assert 'phi reaches 90 rad, 14.3 turns' in degrees and 'must be 1.571 rad' in degrees
+    metres = [520.0, 370.0, 1.57, 500.0, 370.0, 1.57]
+    told = doubts('paper_circle', **{'waypoints.points': metres})
+    assert told[0] == 'waypoints: x reaches 520 m: if that is in mm, it must be 0.52 m'
+    assert told[1].startswith('waypoints: y reaches 370 m')
     (nanoseconds,) = doubts('paper_circle', (0.0, 6e9))
     assert 'last 6e+09 s: if they are in ns' in nanoseconds and 'to last 6 s' in nanoseconds
     (dropped,) = doubts('serial_2r_circle')

@@ -10,6 +10,7 @@ from trajectory_gen.trajectory import LOOKS, Trajectory
 
 TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
 LONG = 1000.0  # s, a time that may be in another unit
+FAR = 50.0  # m, a distance that may be in mm
 USUAL = 100.0  # s, the longest time that is usual
 UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}  # s
 
@@ -21,11 +22,16 @@ def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
     doubts = [trajectory.note] if trajectory.note else []
     poses = trajectory.poses(np.linspace(0.0, trajectory.span, LOOKS + 1)).pose
     for axis, values in zip(axes, poses.T, strict=True):
-        angle = float(values[np.argmax(np.abs(values))])
-        if axis.unit == 'rad' and abs(angle) > TURN:
+        most = float(values[np.argmax(np.abs(values))])
+        if axis.unit == 'rad' and abs(most) > TURN:
             doubts.append(
-                f'{name}: {axis.name} reaches {angle:.4g} rad, {angle / TURN:.3g} turns: '
-                f'if that is in degrees, it must be {math.radians(angle):.4g} rad'
+                f'{name}: {axis.name} reaches {most:.4g} rad, {most / TURN:.3g} turns: '
+                f'if that is in degrees, it must be {math.radians(most):.4g} rad'
+            )
+        elif axis.unit == 'm' and abs(most) > FAR:
+            doubts.append(
+                f'{name}: {axis.name} reaches {most:.4g} m: '
+                f'if that is in mm, it must be {1e-3 * most:.4g} m'
             )
     if name != 'waypoints':
         return tuple(doubts)

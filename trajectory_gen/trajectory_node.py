@@ -70,11 +70,11 @@ class TrajectoryNode(SuiteNode):
             units=trajectory.robot.joint_units,
             motions=shapes,
         )
-        if self._present is None:
-            preflight.check(trajectory, self.loop.period)
         if self.loop.start_stamp != WAIT:  # else who starts it says so
             for doubt in motion_doubts(trajectory):
                 self.get_logger().warning(doubt)
+        if self._present is None:
+            preflight.check(trajectory, self.loop.period)
         self._motions.load()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._course = Course(trajectory, self.loop.period)
