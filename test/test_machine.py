@@ -240,6 +240,11 @@ def changed(joint, attributes):
          "joint 'left' has a spring, which is left out"),
         (urdf().replace('lower="-1" upper="2"', 'lower="0" upper="0"'),
          'travel without an extent is taken for none: shoulder'),
+        (urdf().replace('lower="-1" upper="2"', 'lower="-180" upper="90"'),
+         'travel of shoulder ends at -180 rad: if that is in degrees, it must be -3.142 rad'),
+        (urdf().replace('lower="-1" upper="2"', 'lower="0" upper="400"')
+         .replace('"shoulder" type="revolute"', '"shoulder" type="prismatic"'),
+         'travel of shoulder ends at 400 m: if that is in mm, it must be 0.4 m'),
         (urdf().replace('<mass value="2"/>', '<mass value="20000"/>'), "'second' weighs 20000"),
         (urdf().replace('<mass value="2"/>', '<mass value="1e-9"/>'), 'than 1e-06 kg: second'),
         (urdf().replace('ixx="0.02"', 'ixx="0.09"'), "body 'second': no body has moments"),
@@ -253,9 +258,17 @@ def test_doubts_are_told(text, doubt):
     assert any(doubt in line for line in made(text).doubts)
 
 
+@pytest.mark.parametrize('ends', ['lower="-6.3" upper="6.3"', 'lower="-1e16" upper="1e16"'])
+def test_a_turn_to_both_sides_and_a_travel_without_end_are_no_degrees(ends):
+    text = urdf().replace('lower="-1" upper="2"', ends)
+    assert text != urdf() and not any('travel' in line for line in made(text).doubts)
+
+
 @pytest.mark.parametrize(
     ('text', 'reason'),
     [
+        (urdf().replace('lower="-1" upper="2"', 'lower="2" upper="-1"'),
+         "the travel of joint 'shoulder' has its ends swapped: from 2 to -1"),
         (urdf(link('tip', 0).replace('0.01', '0') + joint('last', 'second', 'tip')),
          'nothing with a mass moves with joint last'),
         (urdf().replace('ixx="0.02"', 'ixx="-0.5"'), 'its inertia has the moment -0'),

@@ -15,7 +15,7 @@ LARGEST = 1e9  # kg, m, kg m^2 and so on
 
 
 def check(description: Description) -> None:
-    """Refuse numbers that are not finite, or so large that they overflow later.
+    """Refuse numbers that are not finite, or so large that they overflow later; swapped ends.
 
     Raises:
         InputError: there is one.
@@ -24,6 +24,12 @@ def check(description: Description) -> None:
         if not np.all(np.abs(np.asarray(value, dtype=float)) < LARGEST):
             raise InputError(
                 f'{description.source}: {name} has a number that is not below {LARGEST:g}'
+            )
+    for joint in description.joints:
+        if joint.lower > joint.upper:
+            raise InputError(
+                f'{description.source}: the travel of joint {printable(joint.name)!r} has its '
+                f'ends swapped: from {joint.lower:.4g} to {joint.upper:.4g}'
             )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from parallel_robot_model.mechanisms.description.telling import listed
 from parallel_robot_model.mechanisms.mechanism import HINGE
 
 OPEN, TOLD = 1e-3, 1e-6  # what may stay open, and what is told, relative to the length
+DEGREES = 10.0, 720.0  # rad, ends of travel that may be in degrees; of more turns there is no end
+MILLIMETRES = 50.0, 1e5  # m, likewise in mm
 
 
 def check_closed(source: str, parts: Assembly, closed: Array) -> None:
@@ -59,6 +61,7 @@ def told(
     ends = {i: (links[i].joint.lower, links[i].joint.upper) for i in freedoms.actuated}
     if none := [links[i].name for i, (lower, upper) in ends.items() if lower >= upper]:
         yield f'travel without an extent is taken for none: {listed(none)}'
+    yield from _of_units(parts, ends)
     out = [
         f'{links[i].name} at {parts.home[i]:.4g}'
         for i, (lower, upper) in ends.items()
@@ -66,6 +69,22 @@ def told(
     ]
     if out:
         yield f'home is outside the travel of joints: {listed(out)}'
+
+
+def _of_units(parts: Assembly, ends: Mapping[int, tuple[float, float]]) -> Iterator[str]:
+    """Travel that looks like that of another unit."""
+    for i, travel in ends.items():
+        link, end = parts.tree.links[i], max(travel, key=abs)
+        (least, most), unit, other, size = (
+            (DEGREES, 'rad', 'degrees', np.pi / 180.0)
+            if link.kind == HINGE
+            else (MILLIMETRES, 'm', 'mm', 1e-3)
+        )
+        if least < abs(end) <= most:
+            yield (
+                f'travel of {printable(link.name)} ends at {end:.4g} {unit}: '
+                f'if that is in {other}, it must be {end * size:.4g} {unit}'
+            )
 
 
 def _of_home(start: Assembly, closed: Array, parts: Assembly) -> Iterator[str]:
