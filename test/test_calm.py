@@ -130,8 +130,11 @@ def test_the_command_tells_and_draws_it(tmp_path, capsys):
     assert figure.read_bytes().startswith(b'\x89PNG')
     assert main(['limit', 'robustness', '--figure', str(tmp_path / 'calm.doc')]) == 2
     assert 'picture format' in capsys.readouterr().err
-    assert main(['limit', 'paper_circle', '--duration', '1', '--calm']) == 0
-    assert 'no noise: calm costs nothing' in capsys.readouterr().out
+    words = ['limit', 'paper_circle', '--duration', '1', '--calm', '--set']
+    assert main([*words, 'sensor.position_noise=1e-4']) == 0  # the start is known
+    assert 'the limit is zero, calm costs nothing' in capsys.readouterr().out
+    assert main([*words, 'disturbance.noise=0.5']) == 0
+    assert 'costs nothing' not in capsys.readouterr().out
 
 
 def test_a_rotation_that_is_held_costs_error_and_its_weight_is_a_share(capsys):

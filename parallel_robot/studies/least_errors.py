@@ -217,7 +217,7 @@ def _calm_table(
     """The least errors with at most some chattering."""
     known = [one.calm for one in members if one.calm is not None]
     if not known:
-        return ['  no noise: calm costs nothing']
+        return ['  the limit is zero, calm costs nothing: see disturbance.noise, actuator.noise']
     found = {level: [1e6 * each.at(level) for each in known] for level in LEVELS}
     rows = [
         _row(f'{level:g}', values)

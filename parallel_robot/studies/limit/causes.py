@@ -45,7 +45,7 @@ class LeastError(NamedTuple):
             and where stamps tell when states were measured, so that no law need believe it.
         geometry: Error of a robot whose joints, as they are measured, are exactly where they
             should be: that of its geometry and zero angles alone. NaN where it was not asked for.
-        calm: Least errors by chattering; None where it was not asked for or there is no noise.
+        calm: Least errors by chattering; None where it was not asked for or the limit is zero.
     """
 
     errors: dict[str, float]
