@@ -184,6 +184,20 @@ def test_other_words_draw_other_samples_of_the_same_protocol(protocol_file):
     assert replace(other, seed=public.seed) == public
 
 
+def test_a_period_at_which_no_run_has_a_score_is_refused(protocol_file, tmp_path):
+    content = yaml.safe_load(protocol_file.read_text())
+    for period in (0.01, 0.02):
+        content['set']['period'] = period
+        path = tmp_path / f'{period}.yaml'
+        path.write_text(yaml.safe_dump(content, sort_keys=False))
+        if period == 0.01:
+            assert read(str(path)).robots
+    with pytest.raises(
+        InputError, match=r'set\.period is 0\.02 s: the score is at the chattering'
+    ):
+        read(str(path))
+
+
 def test_the_page_of_the_documentation_has_the_protocol_of_this_version():
     page = (config.directory().parent / 'docs' / 'benchmark.md').read_text()
     assert read().digest[:12] in page

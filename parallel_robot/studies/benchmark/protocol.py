@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from parallel_robot.analysis.metrics import SMOOTH
 from parallel_robot.studies.sweep import study, uncertainty
 from parallel_robot.studies.sweep.uncertainty import Uncertainty
 from parallel_robot_control.configuration import resolve
@@ -204,6 +205,12 @@ def _robot(name: str, given: Any, content: Mapping[str, Any]) -> Robot:
             **given.get('uncertainty', {}),
         }
         fixed = {**content['set'], **trouble.get('set', {}), **given.get('set', {})}
+        period = check('set.period', float, Field('s', '', 1e-6), fixed.get('period', 1e-3))
+        if round(0.5 * SMOOTH / period) < 1:
+            raise InputError(
+                f'set.period is {period:g} s: the score is at the chattering of a run, of which '
+                f'nothing is left at {SMOOTH:g} s and more'
+            )
         mixes[mix] = Trouble(
             config.flat(fixed),
             {key: uncertainty.parse(key, entry) for key, entry in uncertain.items()},
