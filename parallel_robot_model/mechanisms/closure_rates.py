@@ -24,12 +24,12 @@ from parallel_robot_model.mechanisms.workspace import Workspace
 @inner
 def derive(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write W, the rates of all joints by those of the actuated ones."""
-    right, r = workspace.right, len(workspace.error)
+    right, jacobian, r = workspace.right, workspace.jacobian, len(workspace.error)
     if r == 0:
         return
     for k in range(r):
         for j in range(len(mechanism.actuated)):
-            right[k, j] = -workspace.jacobian[k, r + j]
+            right[k, j] = -jacobian[k, r + j]
     solve_columns(workspace.factors, right)
     _units(mechanism, workspace)
     _spread(workspace, workspace.W)

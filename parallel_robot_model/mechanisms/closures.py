@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.copying import clear_matrix
+from parallel_robot_model.mechanisms.copying import clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.placing import place
@@ -34,10 +34,7 @@ def settle(mechanism: Mechanism, workspace: Workspace) -> int:
         return 1
     errors(mechanism, workspace)
     jacobian(mechanism, workspace)
-    r = len(workspace.error)
-    for k in range(r):
-        for c in range(r):
-            workspace.factors.a[k, c] = workspace.jacobian[k, c]
+    copy_matrix(workspace.jacobian, workspace.factors.a)
     return factor(workspace.factors)
 
 

@@ -15,7 +15,7 @@ def copy(x: Array, out: Array) -> None:
 
 @inner
 def copy_matrix(x: Array, out: Array) -> None:
-    """Copy an array of two dimensions."""
+    """Copy the first rows and columns of an array of two dimensions."""
     for i in range(out.shape[0]):
         for k in range(out.shape[1]):
             out[i, k] = x[i, k]

@@ -22,7 +22,7 @@ class Factors(NamedTuple):
 
     Attributes:
         a: The matrix; then both factors, with the reciprocals of the pivots in the diagonal.
-        row: Row of the matrix that is a row of its factors, shape (n,).
+        row: Row of `a` that is a row of its factors, shape (n,).
         filled: Columns of the elements of a row that are not zero: those right of the diagonal,
             and from the end those left of it, shape (n, n).
         left: Number of those left of the diagonal, shape (n,).
@@ -48,57 +48,48 @@ def factors(n: int) -> Factors:
 
 @inner
 def factor(system: Factors) -> int:
-    """Replace the matrix by its LU.
+    """Replace the matrix by its LU; rows stay where they are.
 
     Returns:
         Sign of the determinant, 0 if a pivot is too small or not a number.
     """
-    a, row = system.a, system.row
+    a, row, filled, left, right = system.a, system.row, system.filled, system.left, system.right
     n, sign = len(a), 1
     for i in range(n):
         row[i] = i
+        left[i] = 0
     for c in range(n):
         p = c
-        best = abs(a[c, c])
+        best = abs(a[row[c], c])
         for i in range(c + 1, n):
-            if abs(a[i, c]) > best:
-                best, p = abs(a[i, c]), i
+            size = abs(a[row[i], c])
+            if size > best:
+                best, p = size, i
         if not best > SMALLEST:
             return 0
+        pivot = row[p]
         if p != c:
             sign = -sign
-            row[c], row[p] = row[p], row[c]
-            for k in range(n):
-                a[c, k], a[p, k] = a[p, k], a[c, k]
-        if a[c, c] < 0.0:
+            row[c], row[p] = pivot, row[c]
+        if a[pivot, c] < 0.0:
             sign = -sign
-        inverse = 1.0 / a[c, c]
-        a[c, c] = inverse
+        inverse = 1.0 / a[pivot, c]
+        a[pivot, c] = inverse
+        count = 0
+        for k in range(c + 1, n):
+            filled[pivot, count] = k
+            count += a[pivot, k] != 0.0
+        right[pivot] = count
         for i in range(c + 1, n):
-            if a[i, c] != 0.0:
-                f = a[i, c] * inverse
-                a[i, c] = f
+            r = row[i]
+            if a[r, c] != 0.0:
+                f = a[r, c] * inverse
+                a[r, c] = f
+                left[r] += 1
+                filled[r, n - left[r]] = c
                 for k in range(c + 1, n):
-                    a[i, k] -= f * a[c, k]
-    _list_filled(system)
+                    a[r, k] -= f * a[pivot, k]
     return sign
-
-
-@inner
-def _list_filled(system: Factors) -> None:
-    """List the elements that are not zero."""
-    a, filled, last = system.a, system.filled, len(system.a) - 1
-    for i in range(last + 1):
-        count = 0
-        for c in range(i):
-            filled[i, last - count] = c
-            count += a[i, c] != 0.0
-        system.left[i] = count
-        count = 0
-        for c in range(i + 1, last + 1):
-            filled[i, count] = c
-            count += a[i, c] != 0.0
-        system.right[i] = count
 
 
 @inner
@@ -107,15 +98,17 @@ def solve_vector(system: Factors, b: Array) -> None:
     a, row, filled, left, right, x = system
     n = len(b)
     for i in range(n):
-        total = b[row[i]]
-        for k in range(n - left[i], n):
-            total -= a[i, filled[i, k]] * x[filled[i, k], 0]
+        r = row[i]
+        total = b[r]
+        for k in range(n - left[r], n):
+            total -= a[r, filled[r, k]] * x[filled[r, k], 0]
         x[i, 0] = total
     for i in range(n - 1, -1, -1):
+        r = row[i]
         total = x[i, 0]
-        for k in range(right[i]):
-            total -= a[i, filled[i, k]] * b[filled[i, k]]
-        b[i] = total * a[i, i]
+        for k in range(right[r]):
+            total -= a[r, filled[r, k]] * b[filled[r, k]]
+        b[i] = total * a[r, i]
 
 
 @inner
@@ -125,16 +118,18 @@ def solve_columns(system: Factors, b: Array) -> None:
     n = len(a)
     for j in range(0, b.shape[1], WIDTH):
         for i in range(n):
-            s, t, u = b[row[i], j], b[row[i], j + 1], b[row[i], j + 2]
-            for k in range(n - left[i], n):
-                c = filled[i, k]
-                f = a[i, c]
+            r = row[i]
+            s, t, u = b[r, j], b[r, j + 1], b[r, j + 2]
+            for k in range(n - left[r], n):
+                c = filled[r, k]
+                f = a[r, c]
                 s, t, u = s - f * x[c, 0], t - f * x[c, 1], u - f * x[c, 2]
             x[i, 0], x[i, 1], x[i, 2] = s, t, u
         for i in range(n - 1, -1, -1):
+            r = row[i]
             s, t, u = x[i, 0], x[i, 1], x[i, 2]
-            for k in range(right[i]):
-                c = filled[i, k]
-                f = a[i, c]
+            for k in range(right[r]):
+                c = filled[r, k]
+                f = a[r, c]
                 s, t, u = s - f * b[c, j], t - f * b[c, j + 1], u - f * b[c, j + 2]
-            b[i, j], b[i, j + 1], b[i, j + 2] = s * a[i, i], t * a[i, i], u * a[i, i]
+            b[i, j], b[i, j + 1], b[i, j + 2] = s * a[r, i], t * a[r, i], u * a[r, i]
