@@ -11,6 +11,7 @@ from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closing import (
     ATTEMPTS,
     BENT,
+    EXACT,
     FAST,
     LONGEST,
     NOISE,
@@ -173,7 +174,7 @@ def _step(
         size = _correct(mechanism, workspace)
         if not size <= BENT * before + NOISE:
             return NOT_CLOSED
-        if size <= SMALL:
+        if size <= SMALL or size * (size / before) ** 2 <= EXACT:  # the next one
             return FOUND
         before = size
     return NOT_CLOSED
