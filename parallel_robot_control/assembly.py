@@ -57,7 +57,8 @@ def assemble(
         prepared.foreign.judge_period(configuration.loop.period)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
     distinguish(type(configuration.margins))
-    estimate = robot.kernel('estimate', configuration.margins, row, row, guess)
+    state = configuration.margins, row, row, guess
+    estimate = robot.kernel('estimate', *state)
     limits = Boxed(
         limits_of(configuration.safety, configuration.margins, configuration.loop.period)
     )
@@ -81,6 +82,7 @@ def assemble(
         ControlSetup(
             prepared.step,
             estimate,
+            robot.kernel('estimate', *state, instead='ahead'),
             robot.kernel('locate', row, guess),
             asked_of(configuration.laws[name], robot),
             prepared.law,

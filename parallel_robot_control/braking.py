@@ -69,7 +69,7 @@ def too_fast(
     one that goes to a singularity.
 
     Args:
-        estimate: Estimate of the robot module, as FirstClass.
+        estimate: Estimate of the robot module for states that are only judged, as FirstClass.
         robot: Constants of the nominal robot.
         limits: Limits, safe action and margins.
         position: Measured angles [rad], shape (n,).

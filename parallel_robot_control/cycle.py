@@ -96,6 +96,7 @@ class ControlSetup(NamedTuple):
     Attributes:
         step: Step of the law, as FirstClass.
         estimate: Estimate of the robot module, as FirstClass.
+        ahead: The same for states that are only judged, as FirstClass.
         locate: Its forward kinematics, as FirstClass.
         place: Number of the coordinates of the place that the law asks for, see place_gradient.py.
         law: The law itself, an address; of one type for all laws.
@@ -110,6 +111,7 @@ class ControlSetup(NamedTuple):
 
     step: Any
     estimate: Any
+    ahead: Any
     locate: Any
     place: int
     law: Any
@@ -203,6 +205,7 @@ def is_finite(x: Array) -> bool:
 @inner
 def sense(
     estimate: Any,
+    ahead: Any,
     robot: Any,
     limits: Limits,
     reference: JointReference,
@@ -235,7 +238,7 @@ def sense(
     cause = select(cause == faults.NONE, doubt, cause)
     cause = select(cause == faults.NONE, here.fault, cause)
     if cause == faults.NONE and way_to_rest(limits, multiply(here.model.M, velocity)) > SHORT:
-        fast = too_fast(estimate, robot, limits, position, velocity, here, last, late)
+        fast = too_fast(ahead, robot, limits, position, velocity, here, last, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
     if some(np.abs(acted) > LOOKED_AT * limits.residual):
         resisted = is_resisted(
@@ -415,6 +418,7 @@ def run_cycle(
     doubt = select(obeys, wrong, faults.TORQUE_LOST)
     sensed = sense(
         setup.estimate,
+        setup.ahead,
         setup.robot,
         limits,
         desired,

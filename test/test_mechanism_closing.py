@@ -5,7 +5,7 @@ import pytest
 from mjcf_machines import MACHINES, closure_row, made, mujoco, samples
 
 from parallel_robot_model.common.errors import RobotError
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closing import close, close_roughly
 from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
 from parallel_robot_model.mechanisms.mechanism import COUPLING
 from parallel_robot_model.mechanisms.moving import all_accelerations, rates
@@ -60,6 +60,33 @@ def test_last_bits_do_not_tell_the_way(name):
             assert close(*many, here) == FOUND and close(*many, q) == FOUND
             differ += not np.array_equal(few[1].all, many[1].all)
     assert differ == 0  # of 2100
+
+
+@pytest.mark.parametrize('name', LOOPS)
+def test_what_is_only_judged_is_closed_to_six_digits_and_leaves_no_trace(name):
+    machine = made(name)
+    exact, judging = machine.boxed(), machine.boxed()
+    rng, apart = np.random.default_rng(3), []
+    for q in samples(machine, 200, seed=4):
+        assert close(*exact, q) == FOUND
+        for here in (q + rng.normal(size=machine.n) * 1e-2, q):
+            assert close_roughly(*judging, here) == FOUND
+            assert open_by(machine, judging[1].all) < 1e-6
+        apart.append(np.abs(judging[1].W - exact[1].W).max() / np.abs(exact[1].W).max())
+        assert close(*judging, q) == FOUND
+        np.testing.assert_array_equal(exact[1].all, judging[1].all)
+        np.testing.assert_array_equal(exact[1].W, judging[1].W)
+    assert max(apart) < 1e-5
+
+
+def test_what_is_only_judged_has_the_faults_of_what_is_exact():
+    m, w = made('five_bar').boxed()
+    assert close_roughly(m, w, w.q) == FOUND
+    assert close_roughly(m, w, np.array([np.pi, 0.0])) == NOT_CLOSED
+    m, w = made('parallelogram').boxed()
+    assert close_roughly(m, w, np.array([3.0])) == FOUND
+    assert close_roughly(m, w, np.array([3.3])) == SINGULAR
+    assert close_roughly(m, w, np.array([np.nan])) == NOT_FINITE
 
 
 @pytest.mark.parametrize('name', MACHINES)

@@ -6,6 +6,8 @@ than rounding: it is rounded to a grid, from which the last step is the same for
 
 from __future__ import annotations
 
+import numpy as np
+
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closure_rates import bias, derive
@@ -48,6 +50,24 @@ def close(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
     Returns:
         FOUND, NOT_CLOSED, SINGULAR or NOT_FINITE.
     """
+    return _close(mechanism, workspace, q, EXACT)
+
+
+@kernel
+def close_roughly(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
+    """As :func:`close`, with an error of ON_THE_WAY, for a posture that is only judged.
+
+    The next way begins there, that of :func:`close` to the same positions, too.
+    """
+    fault = _close(mechanism, workspace, q, ON_THE_WAY)
+    if fault == FOUND:
+        workspace.q[0] = np.nan
+    return fault
+
+
+@inner
+def _close(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
+    """Find the posture with an accuracy, EXACT or ON_THE_WAY."""
     fault = begin_at_memory(mechanism, workspace)
     if fault != FOUND or _same(q, workspace.q):
         return fault
@@ -60,7 +80,7 @@ def close(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
         place(mechanism, workspace)
         fault = FOUND
     else:
-        fault = _go(mechanism, workspace, q)
+        fault = _go(mechanism, workspace, q, accuracy)
     if fault == FOUND:
         remember(mechanism, workspace)
     else:
@@ -86,7 +106,7 @@ def finite(x: Array) -> bool:
 
 
 @inner
-def _go(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
+def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
     """Go from the memory to positions of the actuated joints, step by step."""
     copy(workspace.all, workspace.here)
     share = 1.0
@@ -96,9 +116,9 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
             break
         last = share >= 1.0
         failed = FOUND
-        if not _step(mechanism, workspace, q, share, bent, length):
+        if not _step(mechanism, workspace, q, share, bent, length, accuracy):
             failed = NOT_CLOSED
-        elif last:
+        elif last and accuracy == EXACT:
             sign = workspace.state[SIGN]
             failed = arrive(mechanism, workspace)
             if failed == FOUND and workspace.state[SIGN] != sign:
@@ -109,6 +129,8 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
         if failed == FOUND and not follow(mechanism, workspace):
             failed = NOT_CLOSED
         if failed == FOUND and last:
+            if accuracy != EXACT:
+                derive(mechanism, workspace)
             return FOUND
         if failed == FOUND:
             copy(workspace.trial, workspace.here)
@@ -170,7 +192,13 @@ def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float
 
 @inner
 def _step(
-    mechanism: Mechanism, workspace: Workspace, q: Array, share: float, bent: float, length: float
+    mechanism: Mechanism,
+    workspace: Workspace,
+    q: Array,
+    share: float,
+    bent: float,
+    length: float,
+    accuracy: float,
 ) -> bool:
     """Go a share of the way, and close the loops there with the factors from its begin.
 
@@ -189,7 +217,7 @@ def _step(
     if len(workspace.error) == 0:
         place(mechanism, workspace)
         return True
-    enough = EXACT if share >= 1.0 else ON_THE_WAY
+    enough = accuracy if share >= 1.0 else ON_THE_WAY
     before = length + 10.0 * ON_THE_WAY  # the posture where the way begins is not closed better
     curved = bent / length if length > 0.0 else 0.0  # change of the Jacobian by a correction
     anew = False

@@ -122,17 +122,19 @@ class RobotModel(NamedTuple):
             raise InputError(f'{key} must be [{names}], not {list(pose)}', key)
         return pose
 
-    def kernel(self, name: str, *example: Any) -> FirstClass:
+    def kernel(self, name: str, *example: Any, instead: str = '') -> FirstClass:
         """A kernel of the robot as a value.
 
         Args:
             name: Key of KERNELS.
             example: Its arguments after the constants, for their types.
+            instead: A kernel that is optional in the contract, which is taken where there is one.
 
         Raises:
             InputError: the kernel of a custom robot does not compile or returns something else.
         """
-        function: Any = getattr(self.module, name)
+        own: Any = getattr(self.module, name)
+        function = getattr(self.module, instead, own) if instead else own
         if not hasattr(function, 'py_func'):
             raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
         try:

@@ -44,6 +44,13 @@ def _closed(robot: Constants, position: Array) -> int:
 
 
 @inner
+def _closed_roughly(robot: Constants, position: Array) -> int:
+    """The same, for a posture that is only judged."""
+    write_row(robot.rows, 0, position)
+    return closing.close_roughly(robot.mechanism, robot.workspace, robot.rows[0])
+
+
+@inner
 def _pose(robot: Constants, like: Array) -> Array:
     """The pose of the posture that is closed."""
     tool.tool_pose(robot.mechanism, robot.workspace, robot.rows[1])
@@ -77,9 +84,29 @@ def estimate(
     robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
 ) -> Estimate:
     """Pose, margins and model at a joint state."""
+    return _estimate(robot, margins, position, velocity, guess, _closed(robot, position))
+
+
+@kernel
+def ahead(
+    robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
+) -> Estimate:
+    """As :func:`estimate`, with loops that are closed to seven digits."""
+    return _estimate(robot, margins, position, velocity, guess, _closed_roughly(robot, position))
+
+
+@inner
+def _estimate(
+    robot: Constants,
+    margins: SafetyMargins,
+    position: Array,
+    velocity: Array,
+    guess: Array,
+    fault: int,
+) -> Estimate:
+    """What is known of the posture that is closed, unless there is a fault."""
     matrix = np.diag(position)
     nothing = no_model(Model(matrix, matrix, position))
-    fault = _closed(robot, position)
     if fault != FOUND:
         return Estimate(fault, guess, nothing)
     pose = _pose(robot, guess)

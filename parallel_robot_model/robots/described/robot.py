@@ -69,6 +69,7 @@ class DescribedRobot:
         self.joint_motion = kernels.joint_motion
         self.locate = kernels.locate
         self.estimate = kernels.estimate
+        self.ahead = kernels.ahead
         self.acceleration = kernels.acceleration
         self.measure = kernels.measure
         self.tree = DescribedTree(self)
