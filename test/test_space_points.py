@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import constants
 from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError
@@ -9,6 +10,30 @@ from parallel_robot_model.configuration import points_table
 from parallel_robot_model.robots.configuration import resolve, robot_of
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.orientation_path import as_poses, continuous
+
+SI = {  # sizes of units in s, m and rad
+    'time': {
+        's': 1.0,
+        'ms': constants.milli,
+        'us': constants.micro,
+        'ns': constants.nano,
+        'min': constants.minute,
+    },
+    'length': {
+        'm': 1.0,
+        'cm': constants.centi,
+        'mm': constants.milli,
+        'um': constants.micron,
+        'in': constants.inch,
+    },
+    'angle': {
+        'rad': 1.0,
+        'mrad': constants.milli,
+        'deg': constants.degree,
+        'turn': 360 * constants.degree,
+    },
+}
+KINDS = 'time', 'length', 'length', 'angle'  # of the columns t, x, y, phi
 
 
 def table(tmp_path, header, rows, **options):
@@ -22,6 +47,18 @@ def test_a_table_of_poses_in_space_in_millimetres_and_degrees(tmp_path):
     found = table(tmp_path, 't, x, y, z, rx, ry, rz', rows, units=['mm', 'deg'])
     assert found.names == ('x', 'y', 'z', 'rx', 'ry', 'rz')
     np.testing.assert_allclose(found.points[0], [0.1, 0.2, 0.3, 0.0, np.pi / 2, np.pi])
+
+
+def test_each_unit_is_of_its_size_and_of_its_columns_alone(tmp_path):
+    assert {kind: {*sizes} for kind, sizes in points_table.KINDS.items()} == {
+        kind: {*sizes} for kind, sizes in SI.items()
+    }
+    for kind, sizes in SI.items():
+        for unit, size in sizes.items():
+            found = table(tmp_path, 't, x, y, phi', [(0,) * 4, (1,) * 4], units=[unit])
+            numbers = [found.times[1], *found.points[1]]
+            expected = [size if kind == of else 1.0 for of in KINDS]
+            assert numbers == pytest.approx(expected, rel=1e-12), unit
 
 
 def test_quaternions_have_no_unit_and_must_be_rotations(tmp_path):
