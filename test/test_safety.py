@@ -153,17 +153,19 @@ def test_a_cause_is_seen_at_once_and_stays_until_it_is_cleared(fault):
     assert error < 1e-3
 
 
+@pytest.mark.parametrize('lost', [0, 2])
 @pytest.mark.parametrize('by', [0.95, 1.05])
-def test_speed_and_jumps_have_their_limits_where_the_parameters_say(by):
+def test_speed_and_jumps_have_their_limits_where_the_parameters_say(by, lost):
+    """A jump is one of all the time since the state before, also where states were lost."""
     for change, fault in (
         ({'velocity': 10.0 * by}, SPEED),
-        ({'position': 0.01 * by}, POSITION_JUMP),
+        ({'position': 0.01 * (1 + lost) * by}, POSITION_JUMP),
     ):
         rig = Rig(safety__rate_tolerance=0.0)
         rig.run(MOVING)
         still = JointSample(rig.measured().position, np.zeros(3), np.zeros(3))
         rig.controller.add_state(rig.stamp, still)
-        rig.k += 1
+        rig.k += 1 + lost
         rig.controller.add_reference(rig.stamp, rig.reference())
         sample = rig.controller.add_state(rig.stamp, moved(still, **change))
         assert sample.status.fault == (FAULTS[fault] if by > 1.0 else None)
@@ -381,6 +383,17 @@ def test_the_rate_limit_slows_each_joint():
     torque, excess, _, acted = limit_torque(LIMITS, demand, last((0.0, 0.0, 0.0)), 1e-3)
     assert torque.tolist() == [60.0, -60.0, 50.0] and acted == RATE
     assert excess.tolist() == [10.0, -10.0, 0.0]
+
+
+@pytest.mark.parametrize('lost', [0, 1, 2])
+def test_after_lost_states_the_torque_may_change_by_the_rate_over_all_of_the_time(lost):
+    rig = Rig(safety__torque_rate=[100.0] * 3)
+    before = rig.run(5).torque
+    for _ in range(lost):
+        rig.k += 1
+        rig.simulator.advance(before)
+    change = np.abs(rig.step().torque - before).max()
+    assert change == pytest.approx(100.0 * 1e-3 * (1 + lost), rel=1e-9)
 
 
 @pytest.mark.parametrize('gap', [1e-3, 5e-3, 0.1])
