@@ -79,6 +79,18 @@ def test_between_samples_the_newest_is_extrapolated(motion):
     assert np.abs(wanted - references[15].position).max() < 1e-6  # it is the motion, nearly
 
 
+@pytest.mark.parametrize('mode', ['wall', 'lockstep'])
+def test_the_error_of_a_state_is_that_of_when_it_was_measured(mode, motion):
+    """States are 4 ms older than their stamps tell."""
+    references, states = motion
+    core = controller(mode, **{'estimator.delay': 0.004})
+    for k in range(50):
+        core.add_reference(START + k * MS, references[k])
+    for k in (10, 20, 40):
+        error, rate = errors(core.add_state(START + k * MS, states[k - 4]))
+        assert np.abs(error - OFFSET).max() < 1e-8 and np.abs(rate).max() < 1e-5
+
+
 def test_a_state_before_every_reference_has_no_answer(motion):
     references, states = motion
     core = controller()
