@@ -96,7 +96,7 @@ def _rename(draft: Path, path: Path) -> None:
     except FileExistsError:
         raise
     except OSError:  # no file system knows links
-        if path.exists():
+        if os.path.lexists(path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST)) from None
         draft.rename(path)
 
