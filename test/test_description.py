@@ -366,6 +366,12 @@ def test_axes_of_old_sdf_are_seen_from_the_model(version, axis):
         (sdf(sdf_link('a', '1 2 3')), "pose='1 2 3' must be 6 finite numbers"),
         (sdf(world='<model name="n"/>'), 'has 2 models that move; keep one of n, m'),
         (sdf(world='<include><uri>model://x</uri></include>'), 'include.* another file'),
+        (sdf(world='<population name="p"/>'), 'population.* another file'),
+        (sdf(sdf_link('a').replace('<mass>2', '<mass>-2')), "link 'a' has a negative mass, -2"),
+        (sdf(sdf_link('a').replace('<inertial>', '<inertial auto="true">')),
+         "link 'a' has an inertia that follows from its shapes"),
+        (sdf(sdf_link('a'), sdf_joint('j', 'a', 'a')), "joint 'j' joins the link 'a' with itself"),
+        (sdf(sdf_link('a'), '<model name="n"/>'), "model 'n' is a model in a model"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_refused_in_one_line(text, reason):

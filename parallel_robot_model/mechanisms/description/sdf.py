@@ -98,7 +98,8 @@ def _version(root: Node) -> tuple[int, ...]:
 def _model(parent: Node, source: str) -> Node:
     """The one model that moves."""
     for tag in ('include', 'population'):
-        if found := next(parent.iter(tag), None):
+        found = next(parent.iter(tag), None)
+        if found is not None:  # an element without children counts as false
             assert isinstance(found, Node)
             raise refused(found, 'is another file; write its model in its place')
     models = children(parent, 'model')
@@ -108,7 +109,8 @@ def _model(parent: Node, source: str) -> Node:
     if len(moving) > 1:
         names = listed(node.get('name', '') for node in moving)
         raise InputError(f'{source} has {len(moving)} models that move; keep one of {names}')
-    if nested := child(moving[0], 'model'):
+    nested = child(moving[0], 'model')
+    if nested is not None:
         raise refused(nested, 'is a model in a model; write its links in the outer one')
     return moving[0]
 
