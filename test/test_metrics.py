@@ -89,7 +89,8 @@ def test_samples_too_far_apart_tell_no_chattering():
     effort = np.tile([[1.0], [-1.0]], (50, 3))
     (close, far) = (metrics.torque(step * np.arange(100), effort) for step in (0.01, 0.02))
     assert close.chattering_nm > 0.5
-    assert np.isnan(far.chattering_nm) and far.total_variation_nm_per_s > 0.0
+    assert np.isnan(far.chattering_nm)
+    assert far.total_variation_nm_per_s == pytest.approx(99 * 2.0 * 3 / (99 * 0.02))
     assert np.isnan(metrics.excess_chattering(0.02 * np.arange(100), effort, 0.5 * effort))
 
 
@@ -248,3 +249,43 @@ def test_figures_of_a_robot_whose_true_motion_nobody_knows_are_called_seen():
     assert metrics.figures(run).source == metrics.TRUE and metrics.figures(run).seen is None
     found = metrics.figures(Motions(None, run.true))
     assert found.source == metrics.SEEN and found.seen.steady == found.steady
+
+
+SI = {'µm': 1e-6, 'µrad': 1e-6, 's': 1.0, 'J': 1.0, 'N m': 1.0, 'N m/s': 1.0}
+
+
+def numbered(first):
+    """Metrics of different numbers, and what each is called as it is shown."""
+    names = {
+        metrics.Transient: ['time to 1 mm', 'time to 0.1 mm'],
+        metrics.Errors: [
+            'end-effector error, rms',
+            'end-effector error, max',
+            'joint error, rms',
+            'synchronisation error, rms',
+            'end-effector rotation error, rms',
+            None,  # its largest is in files alone
+        ],
+        metrics.Torque: [
+            'torque, max (whole run)',
+            'torque, total variation',
+            'torque, chattering',
+        ],
+        metrics.Effort: ['torque, rms', 'energy', 'excess chattering'],
+    }
+    numbers, parts, called = iter(range(first, 1000)), [], {}
+    for kind, columns in names.items():
+        values = [float(next(numbers)) for _ in columns]
+        parts.append(kind(*values))
+        called |= dict(zip(columns, values, strict=True))
+    return metrics.Metrics(1.0, *parts), called
+
+
+def test_each_figure_is_shown_under_its_name_in_its_unit():
+    found, called = numbered(1)
+    seen, called_seen = numbered(101)
+    found = found._replace(seen=seen)
+    called |= {f'seen {name}': value for name, value in called_seen.items()}
+    shown = {metric.name: metric.value(found) * SI[metric.unit] for metric in METRICS}
+    assert shown == pytest.approx({name: called[name] for name in shown})
+    assert len(shown) == len(METRICS) == 21
