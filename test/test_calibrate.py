@@ -103,6 +103,16 @@ def test_the_table_says_what_was_found_and_python_finds_the_same(case, whole, ca
     out = capsys.readouterr().out
     assert out == '\n'.join(whole.lines()) + '\n' == f'{whole!r}\n'
     assert 'robot.base_y[2]' in out and 'condition number' in out and 'phi [µrad]' in out
+    lines = [line.split() for line in out.splitlines()]
+    for name, errors in whole.as_data()['pose_error_rms'].items():
+        [shown] = [words[2:] for words in lines if words[:2] in ([name, '[µm]'], [name, '[µrad]'])]
+        found = [1e6 * errors[when] for when in ('before', 'now', 'noise')]
+        assert [*map(float, shown)] == pytest.approx(found, rel=1e-3)
+    for unknown in whole.as_data()['unknown']:
+        place = len(unknown['name'].split())
+        [shown] = [words[place:] for words in lines if words[:place] == unknown['name'].split()]
+        assert float(shown[0]) == pytest.approx(unknown['estimate'], rel=1e-6, abs=1e-9)
+        assert float(shown[3]) == pytest.approx(1e6 * unknown['half_width_95'], rel=1e-2)
     assert whole.values['robot.l1'] == pytest.approx(whole.robot.parameters.l1, rel=1e-9)
     assert whole.values['estimator.zero_angle'] == whole.values['sensor.zero_angle']
 

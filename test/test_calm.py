@@ -122,8 +122,13 @@ def test_the_command_tells_and_draws_it(tmp_path, capsys):
     out, figure = tmp_path / 'limit.csv', tmp_path / 'calm.png'
     words = ['--runs', '2', '--out', str(out), '--figure', str(figure)]
     assert main(['limit', 'robustness', *words]) == 0
-    assert 'with a chattering of at most [N m]; 2 robots with noise' in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert 'with a chattering of at most [N m]; 2 robots with noise' in shown
     rows = [*csv.DictReader(out.open())]
+    medians = {words[0]: words[1] for words in map(str.split, shown.splitlines()) if words}
+    for level in ('0.2', '0.5', '2'):
+        median = np.median([float(row[f'at_{level}_nm_m']) for row in rows])
+        assert float(medians[level]) == pytest.approx(1e6 * median, rel=1e-3)  # in µm
     for row in rows:
         errors = [float(row[f'at_{level}_nm_m']) for level in ('0.2', '0.5', '2')]
         assert errors == sorted(errors, reverse=True) and errors[-1] > float(row['as_it_is_m'])

@@ -1,6 +1,7 @@
 """Identification against Table 1 of the paper, with noise, and on motions that do not suffice."""
 
 import weakref
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -216,6 +217,9 @@ def test_a_slow_motion_does_not_tell_a_delay():
     found = identify(case, late(noisy(case, np.random.default_rng(3), 5e-5, 0.5), 3))
     assert not found.delay.counts and found.delay.half_width > 1e-3
     assert 'does not tell whether positions are late' in tables.text(readable.parts(found))
+    late_by = replace(found.delay, value=3e-3, half_width=1e-4, counts=True)
+    shown = tables.text(readable.parts(replace(found, delay=late_by)))
+    assert 'positions are late: 3 +- 0.1 ms after torques of the same stamp' in shown
 
 
 @pytest.mark.parametrize(

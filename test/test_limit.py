@@ -262,7 +262,13 @@ def test_the_command_writes_one_row_for_each_robot(tmp_path, capsys):
     assert [row['sample'] for row in rows] == ['0', '1']
     late = [float(row['as_it_is_m']) / float(row['without_delays_m']) for row in rows]
     assert late[0] > 1.5 and late[1] > 1.1  # four samples late, and one
-    assert 'paper_circle, 2 robots: least end-effector error' in capsys.readouterr().out
+    shown = capsys.readouterr().out
+    assert 'paper_circle, 2 robots: least end-effector error of any controller, rms [µm]' in shown
+    for name in ('as it is', 'without delays', 'no velocities'):
+        found = [float(row[f'{name.replace(" ", "_")}_m']) for row in rows]
+        [line] = [line for line in shown.splitlines() if line.strip().startswith(f'{name} ')]
+        median = float(line.split(name)[1].split()[0])
+        assert median == pytest.approx(1e6 * np.median(found), rel=1e-3)
     assert main(['limit', 'robustness', *words]) == 2
     assert 'exists' in capsys.readouterr().err
     assert main(['limit', 'robustness', '--duration', '1']) == 2

@@ -41,6 +41,14 @@ def test_time_constants_and_a_delay_are_found_again():
     )
 
 
+def test_time_constants_are_told_in_milliseconds_and_as_a_scenario_takes_them():
+    found = motor_lag.MotorLag(np.array([2e-3, 3e-3]), np.array([1e-4, 2e-4]), 4e-3, 1e-3)
+    assert found.parts() == [
+        'lag of the motors: 2 +- 0.1, 3 +- 0.2 ms, 4 ms late; for a scenario',
+        '  estimator.lag: 0.0025',
+    ]
+
+
 def test_the_interval_holds_the_lag_about_as_often_as_it_says():
     lags, held = [1e-3, 2e-3, 4e-3], []
     for seed in range(20):
