@@ -1,5 +1,7 @@
 """A bag in windows: together they are the bag, and none takes more than its part."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from assembly import simulated
@@ -21,6 +23,7 @@ from parallel_robot.bags.bag_view import BagView
 from parallel_robot.bags.bag_writer import BagWriter
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.units import HINGES
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.cdr_reader import header_stamp
@@ -281,6 +284,27 @@ def test_the_difference_of_two_runs_is_found_in_windows(bag, tmp_path, monkeypat
     )
     wanted = f'joints by up to {angle:.2g} rad, commands by up to {torque:.2g} N m'
     assert bag_difference.size(bag, tmp_path / 'other') == wanted
+
+
+def test_states_are_compared_wherever_their_windows_end(monkeypatch):
+    position = np.random.default_rng(5).normal(size=(9, 3))
+    answer = 10.0 * position
+    other = position.copy()
+    other[7, 1] += 0.25
+    runs = {
+        'one': (position, answer, np.split(np.arange(9), [2, 6])),
+        'other': (other, answer - 0.5, np.split(np.arange(9), [4, 5])),
+    }
+
+    def windows(bag, *_, **__):
+        positions, answers, parts = runs[bag]
+        for rows in parts:
+            log = SimpleNamespace(units=HINGES, position=positions[rows], answer=answers[rows])
+            yield SimpleNamespace(log=log)
+
+    monkeypatch.setattr(recording, 'chunks', windows)
+    wanted = 'joints by up to 0.25 rad, commands by up to 0.5 N m'
+    assert bag_difference.size('one', 'other') == wanted
 
 
 def test_what_a_recovered_bag_lacks_is_counted_in_windows(bag, messages, tmp_path, monkeypatch):
