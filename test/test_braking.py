@@ -6,7 +6,7 @@ from geometry import ROBOT, jacobian, legs
 from rig import Rig
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.faults import FAULTS, SPEED, TOO_FAST
+from parallel_robot_control.faults import FAULTS, NONE, SPEED, TOO_FAST
 from parallel_robot_model.robots.planar_3rrr.margins import TYPE_2
 
 PUSHED = {'safety__effort_tolerance': 0.0, 'safety__residual_limit': 0.0}  # by a strange hand
@@ -60,6 +60,26 @@ def test_the_robot_is_stopped_before_both_singularities(heavier):
 def test_an_axis_is_stopped_before_its_end_of_travel(size):
     fault, fastest, positions, _ = run_away(np.full(5, size), scenario='axes_step')
     assert fault in (TOO_FAST, SPEED) and fastest > 3.0 and np.abs(positions).max() < 2.95
+
+
+def place_of_the_fault(late):
+    """Where the first axis is when it is too fast, of states that are so many samples old."""
+    rig = Rig(**PUSHED, scenario='axes_step', estimator__delay=late * 1e-3)
+    states = [rig.measured()] * late
+    while rig.controller.fault == NONE:
+        states.append(rig.measured())
+        position, velocity, _ = old = states[-1 - late]
+        rig.ask(old, JointReference(position, velocity, 0.0 * velocity))
+        rig.simulator.advance(np.full(5, 3.0))
+        rig.k += 1
+    assert rig.controller.fault == TOO_FAST and states[-1].velocity[0] > 8.0
+    return states[-1].position[0]
+
+
+def test_of_old_states_it_is_known_where_the_robot_is_now():
+    """At 8 rad/s it goes 0.08 rad in 10 ms."""
+    places = [place_of_the_fault(late) for late in (0, 10, 30)]
+    assert max(places) - min(places) < 0.03
 
 
 @pytest.mark.parametrize('push', [(0.0, -10.0), (0.0, -30.0), (40.0, -90.0)])
