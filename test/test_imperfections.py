@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 from assembly import make_plant
+from rclpy.serialization import deserialize_message
 from scipy import stats
+from sensor_msgs.msg import JointState
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.readable_metrics import STEADY
@@ -285,6 +287,19 @@ def test_a_plant_driven_by_messages_is_that_of_the_simulation():
             assert np.ascontiguousarray(rows[k]).tobytes() in message
         assert np.array_equal(simulator.pose, whole.pose[k])
         simulator.advance(whole.command[k])
+
+
+@pytest.mark.parametrize('late', [0, 1, 3])
+def test_a_state_tells_the_torque_of_the_step_that_ended_when_it_was_measured(late):
+    delayed = {'sensor.delay': late * H, 'sensor.stamp': 'measured'}
+    simulator = Simulator(configure(resolve('paper_circle', delayed)).plant)
+    for k in range(12):
+        state = deserialize_message(simulator.message(10**9 + k * 10**6), JointState)
+        stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
+        assert stamp == 10**9 + (k - late) * 10**6
+        ended = max(k - late, 0)  # and the torque of the step that ends at sample k is k / 10
+        assert state.effort[:3].tolist() == pytest.approx([0.1 * ended] * 3, rel=1e-12)
+        simulator.advance(np.full(3, 0.1 * (k + 1)))
 
 
 @pytest.mark.parametrize('more', [{}, DIFFERENTIATED, {'estimator.kind': 'filter'}])
