@@ -7,7 +7,7 @@ import pytest
 from assembly import FAULTS
 
 from parallel_robot_control import faults
-from parallel_robot_control.answer_kernel import STATUS
+from parallel_robot_control.answer_kernel import AHEAD, ANSWERED, OLD, STATUS
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
@@ -15,6 +15,7 @@ from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.faults import EMERGENCY_STOP, REFERENCE_STALE
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
+from parallel_robot_model.messages import layouts
 from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns
@@ -149,6 +150,19 @@ def test_a_new_run_of_the_plant_starts_with_a_new_memory(jump, motion):
     assert not np.array_equal(fresh[0], fresh[10])
     assert np.array_equal(run(core, motion, range(20), START + jump), fresh)
     assert core.counts['new runs of the plant'] == 1
+
+
+def test_states_are_answered_within_the_age_that_is_allowed_on_both_sides_of_the_clock(motion):
+    references, states = motion
+    core = controller(**{'safety.state_age': 0.01})
+    layout = layouts.joint_state(core.configuration.loop.joints)
+    core.expect(layout, [0, 1, 2])
+    ages = {9: ANSWERED, 11: OLD, -9: ANSWERED, -11: AHEAD, 0: ANSWERED}  # ms
+    for k, (age, expected) in enumerate(ages.items()):
+        stamp = START + k * MS
+        core.add_reference(stamp, references[k])
+        code = core.answer(layout.encode(stamp, **states[k]._asdict()), now=stamp + age * MS)
+        assert min(code, ANSWERED) == expected  # with an answer, it has further bits
 
 
 def test_the_period_is_the_time_between_two_stamps(motion):
