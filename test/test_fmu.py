@@ -211,6 +211,9 @@ def test_parameters_have_unit_range_text_and_start(law):
     typed = limit if limit.get('unit') else limit[0]
     assert typed.get('unit') == 'N m' and float(typed.get('min')) == 0.0
     assert float(typed.get('start')) > 0.0 and 'torque' in limit.get('description')
+    exponent = found['s_fotsmc.gamma1']
+    typed = exponent if exponent.get('start') else exponent[0]
+    assert (float(typed.get('min')), float(typed.get('max'))) == (0.0, 1.0)
     assert found['robot.mp'].get('variability') == 'tunable'
     assert found['robot.l1'].get('variability') == 'constant'  # others follow from it
     for name, each in found.items():
