@@ -413,6 +413,15 @@ def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
             demand = demand + np.array([30.0, 0.0, 0.0])
 
 
+@pytest.mark.parametrize('period', [5e-4, 1e-3, 4e-3])
+def test_a_take_over_is_faded_at_the_same_rate_whatever_the_period(period):
+    values = config.resolve('paper_circle', {'period': period, 'safety.ramp_rate': [1000.0] * 3})
+    limits, demand = assemble(configure(values)).setup.limits, np.array([8.0, -8.0, 8.0])
+    before = last((0.0, 0.0, 0.0), takes_over=True)
+    torque, *_ = limit_torque(limits, demand, before, period)
+    assert np.abs(torque) == pytest.approx(1000.0 * period, rel=1e-12)
+
+
 finite = st.floats(-1e300, 1e300)
 triple = st.tuples(finite, finite, finite)
 

@@ -167,6 +167,22 @@ def test_real_time_is_held_up_to_the_bounds(answered, lags, held):
     assert slow.realtime is (answered >= 900)
 
 
+def test_lags_and_delays_are_told_in_milliseconds():
+    lag, delay = np.arange(1, 101), 1e-3 * np.arange(101)
+    told = timing.as_json(timing.Timing(1000, 990, 2e-3, lag, 0, delay, {}))
+    milliseconds = {key: value for key, value in told.items() if key.endswith('_ms')}
+    assert milliseconds == pytest.approx(
+        {
+            'lag_p50_ms': 100.0,
+            'lag_p99_ms': 198.0,
+            'lag_max_ms': 200.0,
+            'delay_p50_ms': 50.0,
+            'delay_p99_ms': 99.0,
+            'delay_max_ms': 100.0,
+        }
+    )
+
+
 def test_a_bag_that_begins_and_ends_in_the_midst(read):
     """A recorder that came late and was killed: records and commands do not begin together."""
     found, _ = loop(np.full(N + 1, 2), range(40, 60))
