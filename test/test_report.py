@@ -155,6 +155,8 @@ def test_the_page_shows_claims_differences_and_counts(report):
     assert keys == ['law', 'scenario', 'trajectory.shape']
     assert 'controller/cross_coupling_error' in text and '>2501<' in text
     assert '1500 equal intervals' in text
+    for name in ('p50', 'p99', 'max'):  # of a simulation: one period
+        assert f'lag of the torque, {name} [ms]</td><td>1.000<' in text
 
 
 def test_claims_are_verified_where_the_laws_are_there(bags, tmp_path):

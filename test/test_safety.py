@@ -422,6 +422,13 @@ def test_a_take_over_is_faded_at_the_same_rate_whatever_the_period(period):
     assert np.abs(torque) == pytest.approx(1000.0 * period, rel=1e-12)
 
 
+@pytest.mark.parametrize('period', [1e-3, 5e-3, 0.02])
+def test_two_lost_states_are_no_gap_whatever_the_period(period):
+    values = config.resolve('paper_circle', {'period': period})
+    gap = assemble(configure(values)).setup.limits.gap
+    assert gap > 3.0 * period and (gap == values['safety.gap'] or period > 1e-3)
+
+
 finite = st.floats(-1e300, 1e300)
 triple = st.tuples(finite, finite, finite)
 
