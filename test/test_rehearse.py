@@ -1,11 +1,13 @@
 """The rehearsal of a first power-up: findings of made runs, and the drill on real nodes."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
-from parallel_robot.analysis.drill import fault_between, motors_braked
+from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.bags import recording
 from parallel_robot.bags.statuses import ControllerStatus
 from parallel_robot.cli.command_line import main
@@ -71,6 +73,18 @@ def test_the_drill_on_real_nodes(launch, domain, tmp_path):
     lines = process.stdout.splitlines()
     assert sum(line.startswith('  ok') for line in lines) == 5
     assert {path.name for path in (tmp_path / 'drill').iterdir()} == {'2_drill'}
+
+
+@pytest.mark.parametrize('holds', [True, False])
+def test_a_finding_that_fails_is_told_by_the_exit_code(holds, tmp_path, monkeypatch, capsys):
+    ended = SimpleNamespace(signal=0, driven_out=False)
+    monkeypatch.setattr(rehearse.run, 'move', lambda *_: ended)
+    found = [Finding(True, 'the first'), Finding(holds, 'the second'), Finding(True, 'the third')]
+    monkeypatch.setattr(rehearse, 'findings', lambda *_: found)
+    words = ('rehearse', '--only', 'drill', '--out', str(tmp_path / 'out'))
+    assert main(words) == (0 if holds else 1)
+    failed = [line.split() for line in capsys.readouterr().out.splitlines() if 'FAILED' in line]
+    assert failed == ([] if holds else [['FAILED', 'the', 'second']])
 
 
 def test_wrong_words_are_refused_before_anything_moves(tmp_path, capsys):
