@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from geometry import legs
 
 from parallel_robot_model.common.errors import DRIVEN_OUT
 from parallel_robot_model.configuration.loop import STEP_START, WAIT
@@ -141,6 +142,23 @@ def test_without_a_command_in_time_the_last_one_holds_until_the_time_out():
     for k in range(7, 12):
         rig.tick(START + k * MS)
     assert rig.events == ['time-out'] * 2
+
+
+def test_motors_that_hold_do_so_where_the_robot_was_at_the_time_out(robot):
+    """Not where it was with the last command: a spring there would pull it back."""
+    spring = {'safety__stiffness': 400.0, 'safety__damping': 0.0}
+    rig = Rig('wall', plant__command_timeout=0.004, plant__timeout_action='hold', **spring)
+    rig.tick(START, TORQUE)
+    for k in range(1, 9):
+        rig.tick(START + k * MS)
+    states = np.array(bare(rig.states))
+    joints, torques = legs(robot, states[:, :3])[0], states[:, 3:]
+    begun = 4  # the first state after a step with the safe action
+    assert (torques[:begun] == TORQUE).all()
+    held = joints[begun - 1]
+    expected = 400.0 * (held - joints[begun - 1 : -1])
+    np.testing.assert_allclose(torques[begun:], expected, atol=1e-9)
+    assert np.abs(expected[1:]).min() > 1e-6
 
 
 def test_in_lockstep_each_command_leads_to_the_next_state():
