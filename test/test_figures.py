@@ -108,6 +108,28 @@ def test_runs_are_drawn_over_one_another(log, monkeypatch):
     assert len(figures.figure_of_runs(bare).axes) == 3
 
 
+def test_errors_are_drawn_in_the_units_of_their_axes(log):
+    log = log._replace(position=log.position + np.array([1e-5, 0.0, -2e-5]))
+    motion = motion_of(log, metrics.poses(log))
+    error = log.reference_position - log.position
+    errors = {
+        'End-effector error': ('[µm]', (motion.poses.reference - motion.poses.actual)[:, :2]),
+        'Joint errors': ('[µrad]', error),
+        'Synchronisation errors': ('[µrad]', error - np.roll(error, -1, axis=1)),
+    }
+    bare = motion._replace(poses=motion.poses._replace(place=0))
+    shown = set()
+    for each in (motion, bare):
+        for axes in figures.figure_of_run(log, each).axes:
+            if (title := axes.get_title('left')) in errors:
+                unit, expected = errors[title]
+                found = np.transpose([line.get_ydata() for line in axes.lines])
+                np.testing.assert_allclose(np.abs(found), 1e6 * np.abs(expected), atol=1e-6)
+                assert unit in axes.get_ylabel()
+                shown.add(title)
+    assert shown == {*errors}
+
+
 def test_errors_of_zero_can_be_drawn(log, tmp_path):
     exact = log._replace(position=log.reference_position)
     figures.draw_run(exact, motion_of(exact), tmp_path / 'run.png')
