@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import parallel_robot as pr
+from parallel_robot.cli.command_line import main
 from parallel_robot.studies.limit.causes import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
@@ -52,6 +53,11 @@ def test_a_law_that_holds_its_joints_has_that_error():
     assert pr.metrics(run).steady.xy_rms_m == pytest.approx(expected, rel=0.02)
 
 
-def test_the_table_has_a_line_for_it():
-    frame = pr.limit('paper_circle', duration=1, **{'true_robot.base_y': [1e-4, 1e-4, 0.8661254]})
+def test_the_table_has_a_line_for_it(capsys):
+    wrong = {'true_robot.base_y': [1e-4, 1e-4, 0.8661254]}
+    frame = pr.limit('paper_circle', duration=1, **wrong)
     assert frame.geometry_m[0] == pytest.approx(1e-4, rel=1e-3)
+    words = ['--duration', '1', '--set', 'true_robot.base_y=[1e-4, 1e-4, 0.8661254]']
+    assert main(['limit', 'paper_circle', *words]) == 0
+    [line] = [line for line in capsys.readouterr().out.splitlines() if 'geometry as it is' in line]
+    assert float(line.split()[-1]) == pytest.approx(100.0, rel=1e-3)  # in µm

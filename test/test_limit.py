@@ -264,8 +264,12 @@ def test_the_command_writes_one_row_for_each_robot(tmp_path, capsys):
     assert late[0] > 1.5 and late[1] > 1.1  # four samples late, and one
     shown = capsys.readouterr().out
     assert 'paper_circle, 2 robots: least end-effector error of any controller, rms [µm]' in shown
-    for name in ('as it is', 'without delays', 'no velocities'):
-        found = [float(row[f'{name.replace(" ", "_")}_m']) for row in rows]
+    for name, column in {
+        'as it is': 'as_it_is_m',
+        'without delays': 'without_delays_m',
+        'travelled while a state is late': 'travelled_m',
+    }.items():
+        found = [float(row[column]) for row in rows]
         [line] = [line for line in shown.splitlines() if line.strip().startswith(f'{name} ')]
         median = float(line.split(name)[1].split()[0])
         assert median == pytest.approx(1e6 * np.median(found), rel=1e-3)
