@@ -30,6 +30,14 @@ def test_the_period_is_that_of_stamps_with_jitter_and_gaps(period):
     assert found % 1000 == 0 and abs(found - period * MS) <= max(1000, 5e-4 * period * MS)
 
 
+@pytest.mark.parametrize('missing', [0.3, 0.5, 0.6, 0.7])
+@pytest.mark.parametrize('seed', range(5))
+def test_the_period_is_found_where_most_stamps_are_missing(missing, seed):
+    draw = np.random.default_rng(seed)
+    at = (np.arange(900) + draw.uniform(0.0, 0.1, 900))[draw.random(900) > missing]
+    assert abs(period_of(START + (at * MS).astype(np.int64)) - MS) <= 1000
+
+
 @pytest.mark.parametrize('seed', range(20))
 def test_the_period_is_found_beside_a_long_gap(seed):
     """Of 200 periods, in which one is easily counted too many."""
