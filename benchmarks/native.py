@@ -103,7 +103,7 @@ def main() -> None:
     ]
     with tempfile.TemporaryDirectory() as folder:
         words = native(arguments.law, Path(folder), round(seconds * 1e9 / PERIOD_NS))
-        laws.node_cost(arguments.law, 1)  # compiles it
+        laws.node_cost(arguments.law, 1, **PATIENT)  # compiles it
         for process in busy:
             process.start()
         try:
