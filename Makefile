@@ -104,7 +104,7 @@ $(BIN)/python:
 	@$(PYTHON) -m venv --clear .venv
 
 $(COMPILER): | $(BIN)/python
-	@echo 'Setup, 2 of 3: ROS 2 and libraries, some 100 packages; meanwhile some 250 kernels are compiled ...'
+	@echo 'Setup, 2 of 3: ROS 2 and libraries, some 100 packages, a minute the first time ...'
 	@rm -f .venv/compiler-*
 	@$(BIN)/python -m pip install -qq --no-compile $(COMPILE)
 	@touch $@
@@ -115,6 +115,7 @@ $(DEPENDENCIES): | $(COMPILER)
 	@touch $@
 
 $(KERNELS): | $(COMPILER)
+	@echo 'Setup, 3 of 3: parallel_robot; its some 250 kernels are compiled, one to two minutes ...'
 	@rm -f .venv/kernels-*
 	@PYTHONPATH=. $(BIN)/python -c "$(WARM) $(WARM_CONTROLLER)" & other=$$!; \
 	trap 'kill $$other 2> /dev/null' EXIT; \
@@ -130,7 +131,6 @@ $(TOOLS): | $(INSTALLED)
 
 $(INSTALLED): | $(COMPILER)
 	@$(MAKE) --no-print-directory -j2 $(DEPENDENCIES) $(KERNELS)
-	@echo 'Setup, 3 of 3: parallel_robot, and a first run of it ...'
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
