@@ -130,7 +130,7 @@ $(TOOLS): | $(INSTALLED)
 	@touch $@
 
 $(INSTALLED): | $(COMPILER)
-	@$(MAKE) --no-print-directory -j2 $(DEPENDENCIES) $(KERNELS)
+	@$(MAKE) --no-print-directory --silent -j2 $(DEPENDENCIES) $(KERNELS)
 	@rm -rf .venv/installed-* build/lib build/bdist.*
 	@$(BIN)/python -m pip install -qq --no-deps --no-build-isolation --force-reinstall .
 	@rm -rf build/lib build/bdist.* parallel_robot.egg-info && rmdir --ignore-fail-on-non-empty build
