@@ -13,6 +13,7 @@ import parallel_robot as pr
 from parallel_robot.bags import recorded_robot, recording
 from parallel_robot.bags.bag_view import view
 from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.cli.bag_options import NOT_IN_FOREIGN
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError, InputError
@@ -195,6 +196,15 @@ def test_each_command_takes_the_options(tmp_path, capsys, command):
     if command == 'export':
         assert '101 rows' in out
     assert command not in ('analyze', 'export', 'replay') or 'robot.mp=2.9' in err
+
+
+@pytest.mark.parametrize('words', [['analyze'], ['replay', '--law', 'pid']])
+def test_nothing_is_written_into_a_bag_of_somebody_else(tmp_path, capsys, words):
+    bag = write(tmp_path / 'bag', {'': renamed(AXES)}, ELSEWHERE)
+    before = {path.name: path.read_bytes() for path in bag.iterdir()}
+    assert main([words[0], str(bag), *FOREIGN, *words[1:]]) == 0
+    assert {path.name: path.read_bytes() for path in bag.iterdir()} == before
+    assert f'figure  {NOT_IN_FOREIGN}' in capsys.readouterr().out
 
 
 def test_python_takes_the_same_options(tmp_path):

@@ -65,6 +65,8 @@ class RunLog(NamedTuple):
         warnings: What is wrong with the bag, one line each.
         referenced: Whether a state has a reference of its time, as the controller sees it; without
             one it has no error, shape (N,).
+        foreign: Whether the bag does not say of which robot it is: nothing is written into it
+            that nobody asked for.
     """
 
     scenario: str
@@ -89,6 +91,7 @@ class RunLog(NamedTuple):
     has_efforts: bool = True
     warnings: tuple[str, ...] = ()
     referenced: np.ndarray = EMPTY
+    foreign: bool = False
 
     @property
     def units(self) -> JointUnits:
@@ -235,6 +238,7 @@ def of(
         has_efforts,
         tuple(warnings),
         referenced,
+        not found.metadata,
     )
     if span == WHOLE:
         return run

@@ -11,6 +11,8 @@ from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages.namespaces import add_namespace_argument, full
 
+NOT_IN_FOREIGN = 'none in a bag of somebody else; --figure FILE draws one'
+
 
 def add_bag_arguments(parser: argparse.ArgumentParser, window: bool = True) -> None:
     """Declare what a bag does not say itself, beside ``--param-file`` and ``--set``.

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sized
 
 from parallel_robot.analysis.machine.facts import Facts
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.tables import Part, Table
+
+
+def _several(things: Sized) -> str:
+    """The s of a plural."""
+    return '' if len(things) == 1 else 's'
 
 
 def readable(facts: Facts) -> list[Part]:
@@ -19,8 +25,8 @@ def readable(facts: Facts) -> list[Part]:
         for axis, value in zip(facts.axes, state.pose, strict=True)
     )
     parts: list[Part] = [
-        f'{facts.name}: {len(machine.names)} joints, {counts}{held}; '
-        f'{len(machine.actuated)} freedoms',
+        f'{facts.name}: {len(machine.names)} joint{_several(machine.names)}, {counts}{held}; '
+        f'{len(machine.actuated)} freedom{_several(machine.actuated)}',
         Table(('joint', 'after', 'kind', '', 'mass [kg]'), _tree(facts), 'llllr'),
         'actuated joints, and what M and gravity are at this state',
         Table(HEAD, _actuated(facts), 'llr'),

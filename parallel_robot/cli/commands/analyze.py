@@ -24,7 +24,7 @@ from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags import history, new_files, stretches
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
@@ -42,7 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--figure',
         type=Path,
         metavar='FILE',
-        help='picture; png, pdf, svg; default: BAG/run.png, where there is none yet',
+        help='picture; png, pdf, svg; default: BAG/run.png in a bag of the suite, '
+        'where there is none yet',
     )
     add_format_argument(parser)
     add_window_arguments(parser)
@@ -55,7 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
-    figure = arguments.figure or directory / 'run.png'
+    figure: Path = arguments.figure or directory / 'run.png'
     if arguments.json:
         new_files.check(arguments.json, '--json')
     if arguments.figure:
@@ -70,15 +71,16 @@ def execute(arguments: argparse.Namespace) -> int:
     failure = '' if found.window.asked else history.failure(past, log.start_stamp, run.last)
     result = run_results.summarise(log, found, timed, failure)
     result['law'] = ', then '.join(stretches.laws(run.parts))
+    foreign = log.foreign and not arguments.figure
     kept = not arguments.figure and os.path.lexists(figure)
     try:
         with contextlib.ExitStack() as written:
             if arguments.json:
                 written.enter_context(new_files.written(arguments.json, as_json(result)))
-            if not kept:
+            if not kept and not foreign:
                 marks = [one.begin for one in run.parts[1:]]
-                drawn = log._replace(law=result['law'])
-                figures.draw_run(drawn, run.motion, figure, arguments.scale, marks, run.path.poses)
+                named = log._replace(law=result['law'])
+                figures.draw_run(named, run.motion, figure, arguments.scale, marks, run.path.poses)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     quiet = ['no limit acted, no fault'] if past.statuses and not run.saturated else []
@@ -90,7 +92,8 @@ def execute(arguments: argparse.Namespace) -> int:
     printed += run_results.tables(result, found, length(log.config))
     printed += [f'  {text}' for text in remarks]
     old = ' exists and is kept; --figure draws another' if kept else ''
-    files = [f'bag     {arguments.bag}', f'figure  {figure}{old}']
+    drawn = NOT_IN_FOREIGN if foreign else f'{figure}{old}'
+    files = [f'bag     {arguments.bag}', f'figure  {drawn}']
     show(arguments.format, printed, result, files)
     return 0
 

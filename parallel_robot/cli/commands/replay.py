@@ -13,7 +13,7 @@ from parallel_robot.analysis.report import figures
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.recorded_robot import SECONDS
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
+from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot_control import law_file
@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--figure',
         type=Path,
         metavar='FILE',
-        help='picture of both torques; with --law or --set: default BAG/replay_LAW.png',
+        help='picture of both torques; with --law or --set: default BAG/replay_LAW.png '
+        'in a bag of the suite',
     )
     add_format_argument(parser)
     add_trust_argument(parser)
@@ -49,27 +50,29 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.figure is not None:
         figures.check_new(arguments.figure)
     try:
-        found, figure = _replayed(arguments, changes, SECONDS)
+        found, figure, drawn = _replayed(arguments, changes, SECONDS)
     except WholeNeededError:
-        found, figure = _replayed(arguments, changes, None)
+        found, figure, drawn = _replayed(arguments, changes, None)
     if figure is not None:
         found.save_figure(figure)
     for warning in found.warnings:
         print(f'warning: {warning}', file=sys.stderr)
-    files = [f'figure  {figure}'] if figure else []
+    files = [f'figure  {drawn}'] if drawn else []
     show(arguments.format, found.parts(), found.as_data(), files)
     return int(found.failed)
 
 
 def _replayed(
     arguments: argparse.Namespace, changes: Mapping[str, Any], seconds: float | None
-) -> tuple[bag_replay.ReplayFigures, Path | None]:
-    """What came of it, in windows of so many seconds or at once, and where it is drawn."""
+) -> tuple[bag_replay.ReplayFigures, Path | None, str]:
+    """What came of it, in windows of so many seconds or at once, where it is drawn, and words."""
     figure, bag, view = arguments.figure, arguments.bag, bag_view(arguments, {})
     with bag_replay.prepared(
         bag, changes, arguments.trust, MEMORY, view=view, seconds=seconds
     ) as prepared:
         if prepared.changed and figure is None:
+            if prepared.log.foreign:
+                return prepared.add_up(), None, NOT_IN_FOREIGN
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
             figures.check_new(figure)
-        return prepared.add_up(), figure
+        return prepared.add_up(), figure, str(figure or '')
