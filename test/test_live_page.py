@@ -261,3 +261,19 @@ def test_a_bag_plays_from_any_moment(browser, serve, tmp_path_factory):
     page.until('seen.curves("ghost").every(({ values }) => Number.isFinite(values.at(-1)))')
     assert page.clean()
     assert page.process.end(2) == 0
+
+
+def test_a_machine_in_space_turns_under_the_mouse(browser, serve, tmp_path_factory):
+    from selenium.webdriver import ActionChains
+
+    bag = tmp_path_factory.mktemp('bag') / 'delta'
+    assert main(['simulate', 'delta_circle', '--duration', '1', '--out', str(bag)]) == 0
+    page = Page(browser, serve('--bag', str(bag)))
+    page.until('document.documentElement.dataset.ready && seen.now === 1 && !texts.bag.playing')
+    views = '["whole", "detail"].map((name) => document.getElementById(name).innerHTML)'
+    before = page.script(views)
+    mouse = ActionChains(browser).move_to_element(page.find('whole'))
+    mouse.click_and_hold().move_by_offset(80, 40).release().perform()
+    page.until(lambda: all(a != b for a, b in zip(before, page.script(views), strict=True)))
+    assert page.clean()
+    assert page.process.end(2) == 0
