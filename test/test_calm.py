@@ -118,6 +118,12 @@ def test_without_calm_there_is_the_limit_and_calm_costs():
     assert 5e-6 < found.at(0.3) < 16e-6  # less than a scalar model with other weights has
 
 
+def test_a_period_without_chattering_has_no_price(capsys):
+    assert main(['limit', 'paper_circle', '--calm', '--set', 'period=0.02']) == 2
+    assert 'no price of calm with a period of 0.02 s' in capsys.readouterr().err
+    assert main(['limit', 'paper_circle', '--set', 'period=0.02', '--duration', '1']) == 0
+
+
 def test_the_command_tells_and_draws_it(tmp_path, capsys):
     out, figure = tmp_path / 'limit.csv', tmp_path / 'calm.png'
     words = ['--runs', '2', '--out', str(out), '--figure', str(figure)]

@@ -439,9 +439,12 @@ def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | No
 
 def smooth_over(time: np.ndarray) -> int:
     """Samples on each side of a moving mean over SMOOTH; `time` of samples [s], shape (N,)."""
-    if len(time) < 2:
-        return 1
-    return max(0, round(0.5 * SMOOTH / float(np.median(np.diff(time)))))
+    return samples_beside(float(np.median(np.diff(time)))) if len(time) > 1 else 1
+
+
+def samples_beside(period: float) -> int:
+    """The same by the period [s]; 0 where it is too long for a chattering."""
+    return round(0.5 * SMOOTH / period)
 
 
 def rough(torque: np.ndarray, half: int) -> np.ndarray:

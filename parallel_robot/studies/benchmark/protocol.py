@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.metrics import SMOOTH
+from parallel_robot.analysis.metrics import SMOOTH, samples_beside
 from parallel_robot.studies.sweep import study, uncertainty
 from parallel_robot.studies.sweep.uncertainty import Uncertainty
 from parallel_robot_control.configuration import resolve
@@ -206,7 +206,7 @@ def _robot(name: str, given: Any, content: Mapping[str, Any]) -> Robot:
         }
         fixed = {**content['set'], **trouble.get('set', {}), **given.get('set', {})}
         period = check('set.period', float, Field('s', '', 1e-6), fixed.get('period', 1e-3))
-        if round(0.5 * SMOOTH / period) < 1:
+        if not samples_beside(period):
             raise InputError(
                 f'set.period is {period:g} s: the score is at the chattering of a run, of which '
                 f'nothing is left at {SMOOTH:g} s and more'

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import SMOOTH
+from parallel_robot.analysis.metrics import SMOOTH, samples_beside
 from parallel_robot.studies.limit.linear_motion import LinearMotion
 from parallel_robot.studies.limit.prediction import Noise
 from parallel_robot_model.common.arrays import Array
@@ -157,7 +157,7 @@ def _shape(period: float) -> Array:
     The torque minus its moving mean is that of half a mean ago. Zeros outside the unit circle
     are reflected into it, which changes no mean square, and keeps the numbers small.
     """
-    half = max(0, round(0.5 * SMOOTH / period))
+    half = samples_beside(period)
     shape = np.full(2 * half + 1, -1.0 / (2 * half + 1))
     shape[half] += 1.0
     zeros = np.roots(shape)

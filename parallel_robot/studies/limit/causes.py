@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis.metrics import SMOOTH, samples_beside
 from parallel_robot.studies.limit.calm import REST, Calm, price_of_calm
 from parallel_robot.studies.limit.geometry import geometry_error
 from parallel_robot.studies.limit.linear_motion import linearise
@@ -75,10 +76,16 @@ def least_error(
         rest: Its weight of joints that the error does not see, relative.
 
     Raises:
-        InputError: the robot does not reach the motion; there is no steady state to be calm in.
+        InputError: the robot does not reach the motion; there is no steady state to be calm in,
+            or the period is too long for chattering.
     """
     configuration = _in_motion(configuration)
     loop, plant = configuration.loop, configuration.plant
+    if calm and not samples_beside(loop.period):
+        raise InputError(
+            f'no price of calm with a period of {loop.period:g} s: chattering is what varies '
+            f'within {SMOOTH:g} s; choose a shorter period'
+        )
     noise = noise_of(plant.imperfections, loop.period, len(loop.joints))
     asked = CAUSES if causes else {WHOLE: CAUSES[WHOLE]}
     times = points_of(loop.duration)
