@@ -79,8 +79,11 @@ def built(
         place there [m], shape (3,), and its rotation, shape (3, 3).
 
     Raises:
-        InputError: MuJoCo is not installed, or the description is not MJCF.
+        InputError: MuJoCo is not installed, the description is not MJCF, or the parameters have
+            another geometry.
     """
+    if any(parameters.shift):
+        raise InputError('shift must be zero where MuJoCo computes: its geometry is of the file')
     mujoco, mechanism = optional('mujoco'), module.mechanism(parameters)
     description = description_of(module.text)
     root, merged = parsed(module.text, description.source)
@@ -111,6 +114,7 @@ def built(
     _bare(model, mechanism, friction_viscous, step)
     mujoco.mj_setConst(model, mujoco.MjData(model))
     model.eq_data[:] = as_drawn.eq_data  # where the file closes a loop, not where home does
+    model.dof_armature[:] = mechanism.armature
     held = np.setdiff1d(np.arange(model.nv), [*mechanism.actuated, *mechanism.passive])
     model.dof_armature[held] = HELD * model.stat.meaninertia
     model.body_invweight0[:] *= STIFF

@@ -151,7 +151,7 @@ class TestRobot:
 
     def test_its_picture_is_of_the_machine_of_the_parameters(self):
         shift = 0.002  # m, of the right motor
-        values = resolve('five_bar_circle', {'robot.shift': [0.0] * 6 + [shift] + [0.0] * 5})
+        values = resolve('five_bar_circle', {'robot.shift': [0.0] * 6 + [shift] + [0.0] * 11})
         robot, q = robot_of(values), np.array([1.8, 1.3])
         directions = np.stack([np.cos(q), np.sin(q)], axis=1)
         motors = np.array([[-0.059, 0.0], [0.059 + shift, 0.0]])

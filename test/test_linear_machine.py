@@ -116,8 +116,9 @@ def test_a_payload_is_a_point_at_the_tool_whatever_the_link_weighs(five_bar):
 
 def test_loops_of_shifted_joints_are_closed_again(five_bar):
     robot, parameters = five_bar
-    moved = np.zeros(12)
+    moved = np.zeros(18)
     moved[3] = 0.002  # m, the left elbow along the proximal link
+    moved[15] = 0.001  # m, the end of the right distal link along it
     of_file = robot.mechanism(parameters)
     made = robot.mechanism(parameters._replace(shift=tuple(moved)))
     assert np.allclose(made.origin[1] - of_file.origin[1], [0.002, 0.0, 0.0])
@@ -125,18 +126,22 @@ def test_loops_of_shifted_joints_are_closed_again(five_bar):
     passive = made.passive
     assert 1e-4 < np.abs(made.home[passive] - of_file.home[passive]).max() < 0.1
 
-    def tip(mechanism, base, length, joint):  # of a chain of two links in the plane
-        first, second = mechanism.home[joint], mechanism.home[[joint, joint + 1]].sum()
-        return base + length * np.exp(1j * first) + 0.09 * np.exp(1j * second)
+    def tip(mechanism, base, lengths, joint):  # of a chain of two links in the plane
+        angles = mechanism.home[joint], mechanism.home[[joint, joint + 1]].sum()
+        return base + np.dot(lengths, np.exp(1j * np.array(angles)))
 
-    assert abs(tip(made, -0.059, 0.092, 0) - tip(made, 0.059, 0.09, 2)) < 1e-12
+    left, right = tip(made, -0.059, (0.092, 0.09), 0), tip(made, 0.059, (0.09, 0.091), 2)
+    assert abs(left - right) < 1e-12
 
 
 def test_what_cannot_be_built_costs_one_line(five_bar):
     robot, parameters = five_bar
-    with pytest.raises(InputError, match='shift must be 12 numbers, 3 for each of its links, not'):
+    with pytest.raises(
+        InputError,
+        match='shift must be 18 numbers, 3 for each joint and each end of a loop, not 1',
+    ):
         robot.validate(parameters._replace(shift=(0.0,)), 'true_robot')
-    far = (0.5, *(0.0,) * 11)
+    far = (0.5, *(0.0,) * 17)
     with pytest.raises(RobotError, match='the loops of the machine cannot be closed near home'):
         robot.validate(parameters._replace(shift=far), 'true_robot')
     q = np.array([[0.0, np.pi]])

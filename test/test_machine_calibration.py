@@ -60,7 +60,14 @@ def test_slopes_of_the_pose_are_those_of_finite_differences(name):
     slopes = robot.module.pose_slopes(robot.parameters, case.joints, case.pose)
     assert slopes.shape == (6, case.pose.shape[1], n + len(case.numbers))
     locate = Locator(robot)
-    for k in np.random.default_rng(0).choice(len(case.numbers), 6, replace=False):
+    joints, random = (
+        3 * len(robot.module.machine(robot.parameters).names),
+        np.random.default_rng(0),
+    )
+    chosen = random.choice(joints, 6, replace=False).tolist()
+    if len(case.numbers) > joints:  # where its loops close
+        chosen += (joints + random.choice(len(case.numbers) - joints, 6, replace=False)).tolist()
+    for k in chosen:
         ahead, back = (
             locate(geometry.with_values(robot, [case.numbers[k]], step), case.joints, case.pose)
             for step in (np.array([h]), np.array([-h]))
@@ -173,10 +180,10 @@ def test_a_machine_is_calibrated_by_the_command_and_its_file_makes_a_loop_right(
     motion, bag, poses, out = (
         tmp_path / name for name in ('m.yaml', 'bag', 'p.csv', 'robot.yaml')
     )
-    words = ['calibrate', '--scenario', 'five_bar_circle', '--design', '10', '--out', motion]
+    words = ['calibrate', '--scenario', 'five_bar_circle', '--design', '16', '--out', motion]
     words += ['--set', 'trajectory.min_closure=0.4']  # a machine that is off gets nearer than ours
     assert main([str(word) for word in words]) == 0
-    shift = (5e-4 * np.random.default_rng(2).normal(size=12)).tolist()
+    shift = (5e-4 * np.random.default_rng(2).normal(size=18)).tolist()
     true = {'true_robot.shift': shift, 'sensor.zero_angle': [1e-3, -5e-4]}
     joined = {'approach.duration': 0.4}
     run = pr.simulate('five_bar_circle', param_file=motion, **joined, **true)

@@ -40,6 +40,7 @@ def machine(request):
         mass_factor=tuple(random.uniform(0.8, 1.2, links)),
         spread_factor=tuple(random.uniform(0.9, 1.1, 3 * links)),
         centre_shift=tuple(random.normal(0.0, 0.01, 3 * links)),
+        armature=tuple(random.uniform(0.5, 1.5) * each for each in robot.parameters.armature),
         payload=0.3,
     )
     return robot._replace(parameters=parameters), np.array(values['plant.initial_pose'])
@@ -138,3 +139,10 @@ def test_what_mujoco_cannot_read_is_refused(tmp_path):
     robot = robot_of(resolve('paper_circle', {'robot_model': str(path)}))
     with pytest.raises(InputError, match='only MJCF can be built in MuJoCo, not <robot>'):
         MujocoMachine(robot, np.zeros(1), [0.0])
+
+
+def test_a_geometry_that_mujoco_would_not_have_is_refused():
+    shift = [0.0, 1e-3, *[0.0] * 16]
+    values = resolve('five_bar_circle', {'plant.engine': 'mujoco', 'true_robot.shift': shift})
+    with pytest.raises(InputError, match='shift must be zero where MuJoCo computes'):
+        simulator_of(configure_plant(values))

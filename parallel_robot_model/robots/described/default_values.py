@@ -13,6 +13,7 @@ from parallel_robot_model.mechanisms import closing, dynamics, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.workspace import boxed
+from parallel_robot_model.robots.described.shifting import loops
 
 CHOICES: dict[str, Any] = {'actuated': (), 'tool': '', 'home': '', 'held': ()}
 FAR = 1e6  # rad or m, an end of travel that is none
@@ -69,7 +70,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
             'centre_shift': [0.0] * 3 * len(made.names),
             'armature': made.mechanism.armature[made.mechanism.actuated].tolist(),
             'payload': 0.0,
-            'shift': [0.0] * 3 * len(made.names),
+            'shift': [0.0] * (3 * len(made.names) + 6 * len(loops(made.mechanism))),
             'gravity': made.mechanism.gravity.tolist(),
             'lower': [max(low, -FAR) for low in made.lower],
             'upper': [min(high, FAR) for high in made.upper],

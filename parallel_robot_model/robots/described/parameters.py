@@ -58,7 +58,11 @@ class Parameters(NamedTuple):
     payload: Annotated[float, Field('kg', 'a point of mass at the tool, beside the file', 0.0)]
     shift: Annotated[
         tuple[float, ...],
-        Field('m', "by which each joint's origin lies elsewhere, x, y, z on the link before"),
+        Field(
+            'm',
+            "by which each joint's origin lies elsewhere, x, y, z on the link before, "
+            'then the two points of each loop on their links',
+        ),
     ]
     gravity: Annotated[tuple[float, float, float], Field('m/s^2', 'acceleration of gravity')]
     lower: Annotated[PerJoint, Field('rad', 'lower ends of travel; m for a slide')]

@@ -1,7 +1,7 @@
-"""Derivatives of the pose of a machine by its actuated joints and by the origins of all joints.
+"""Derivatives of the pose of a machine by its actuated joints and by where joints and loops lie.
 
-An origin that lies elsewhere is three slides before the joint that are driven: what closes the
-loops then tells how all joints follow.
+An origin that lies elsewhere is three slides before the joint that are driven, a point of a loop
+three slides that carry it: what closes the loops then tells how all joints follow.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motio
 from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Index, Mechanism
 from parallel_robot_model.robots.described.parameters import FAULTS
+from parallel_robot_model.robots.described.shifting import loops
 
 SAMPLES = 500  # at once, which bounds the memory
 EACH = 4  # joints in place of one: three slides, and itself
@@ -31,21 +32,21 @@ def pose_slopes(mechanism: Mechanism, position: Array, pose: Array) -> Array:
         pose: The poses there, shape (K, m).
 
     Returns:
-        By the n actuated joints, then by x, y, z of each origin on the link before, shape
-        (K, m, n + 3 N).
+        By the n actuated joints, then by x, y, z of each origin on the link before, then of the
+        two points of each of L loops on their links, shape (K, m, n + 3 N + 6 L).
 
     Raises:
         KinematicsError: the loops cannot be closed at a sample.
     """
-    n, N = len(mechanism.actuated), len(mechanism.parent)
-    out = np.zeros((len(position), pose.shape[1], n + 3 * N))
+    n, machine = len(mechanism.actuated), with_slides(mechanism)
+    count = len(machine.actuated)
+    out = np.zeros((len(position), pose.shape[1], count))
     if not len(mechanism.coordinate):
         out[:, range(n), range(n)] = 1.0
         return out
-    machine = with_slides(mechanism)
     for first in range(0, len(position), SAMPLES):
         part = slice(first, first + SAMPLES)
-        joints = np.zeros((len(position[part]), n + 3 * N))
+        joints = np.zeros((len(position[part]), count))
         joints[:, :n] = position[part]
         moved = body_motions(machine, joints, 0.0 * joints, 0.0 * joints)
         lost = np.flatnonzero(moved.fault != FOUND)
@@ -57,8 +58,12 @@ def pose_slopes(mechanism: Mechanism, position: Array, pose: Array) -> Array:
 
 
 def with_slides(mechanism: Mechanism) -> Mechanism:
-    """The machine with three driven slides before each joint; its pose is what is driven."""
-    N = len(mechanism.parent)
+    """The machine with three driven slides before each joint and point of a loop.
+
+    Its pose is what is driven.
+    """
+    N, pairs = len(mechanism.parent), loops(mechanism)
+    count = EACH * N + 6 * len(pairs)
     every = EACH * np.arange(N)
     own = every + EACH - 1
 
@@ -68,19 +73,28 @@ def with_slides(mechanism: Mechanism) -> Mechanism:
 
     def spread(values: Any, other: Any = 0.0) -> Any:
         """Values of the joints, and another one for the slides."""
-        out = np.empty((EACH * N, *values.shape[1:]), values.dtype)
+        out = np.empty((count, *values.shape[1:]), values.dtype)
         out[:] = other
         out[own] = values
         return out
 
-    parent = np.arange(EACH * N) - 1
+    parent = np.arange(count) - 1
     parent[every] = placed(mechanism.parent)
-    origin = np.zeros((EACH * N, 3))
+    origin = np.zeros((count, 3))
     origin[every] = mechanism.origin
     axis = spread(mechanism.axis)
+    begins = np.concatenate([every, np.arange(EACH * N, count, 3)])  # of three slides
     for c in range(3):
-        axis[every + c] = np.eye(3)[c]
-    slides = (every[:, np.newaxis] + np.arange(3)).ravel()
+        axis[begins + c] = np.eye(3)[c]
+    slides = (begins[:, np.newaxis] + np.arange(3)).ravel()
+    ends = placed(mechanism.first), placed(mechanism.second)
+    points = mechanism.first_point.copy(), mechanism.second_point.copy()
+    begin = EACH * N
+    for rows in pairs:
+        for end, point in zip(ends, points, strict=True):
+            parent[begin], origin[begin] = end[rows[0]], point[rows[0]]
+            end[rows], point[rows] = begin + 2, 0.0
+            begin += 3
     return mechanism._replace(
         parent=parent,
         kind=spread(mechanism.kind, SLIDE),
@@ -91,8 +105,10 @@ def with_slides(mechanism: Mechanism) -> Mechanism:
         centre=spread(mechanism.centre),
         inertia=spread(mechanism.inertia),
         armature=spread(mechanism.armature),
-        first=placed(mechanism.first),
-        second=placed(mechanism.second),
+        first=ends[0],
+        second=ends[1],
+        first_point=points[0],
+        second_point=points[1],
         actuated=np.concatenate([placed(mechanism.actuated), slides]),
         passive=placed(mechanism.passive),
         home=spread(mechanism.home),
@@ -102,7 +118,7 @@ def with_slides(mechanism: Mechanism) -> Mechanism:
 
 
 def _rates(machine: Mechanism, moved: BodyMotions, coordinate: Index, pose: Array) -> Array:
-    """Rates of the pose by all that is driven, shape (K, m, n + 3 N)."""
+    """Rates of the pose by all that is driven, shape (K, m, n + 3 N + 6 L)."""
     motion = np.zeros((*moved.W[:, 0].shape, 6))  # of the tool
     joint = machine.tool
     while joint != BASE:

@@ -18,7 +18,7 @@ from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.description.reading import read
-from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.reach import spread
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
@@ -43,12 +43,12 @@ from parallel_robot_model.robots.described.linear_machine import LinearMachine
 from parallel_robot_model.robots.described.masses import weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
 from parallel_robot_model.robots.described.pose_slopes import pose_slopes
-from parallel_robot_model.robots.described.shifting import shifted
+from parallel_robot_model.robots.described.shifting import loops, shifted
 from parallel_robot_model.robots.described.tree import DescribedTree
 from parallel_robot_model.robots.feasibility import Infeasible, first_sample
 
 LINES = 'link'  # name of the only part of its picture
-SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3, 'shift': 3}  # of a link
+SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3}  # of a link
 
 
 class DescribedRobot:
@@ -124,6 +124,10 @@ class DescribedRobot:
                 what = f'{name}.{key} must be {count} numbers, {each} for each of its links'
                 what = what.replace('must be', 'must be a number or', each == 1)
                 raise InputError(f'{what}, not {given}', f'{name}.{key}')
+        given, count = len(robot.shift), len(self.geometry(robot).names)
+        if given != count:
+            what = f'{name}.shift must be {count} numbers, 3 for each joint and each end of a loop'
+            raise InputError(f'{what}, not {given}', f'{name}.shift')
         self.mechanism(robot)
         return robot
 
@@ -155,10 +159,16 @@ class DescribedRobot:
         return quaternions.product(quaternions.of_vectors(vectors), home)
 
     def geometry(self, robot: Parameters) -> Geometry:
-        """Where its joints lie."""
-        joints = self.machine(robot).names
-        names = tuple(f'{printable(joint)} {axis}' for joint in joints for axis in 'xyz')
-        return Geometry('shift', names, 'm')
+        """Where its joints lie, and where its loops close."""
+        made = self.machine(robot)
+        places = [printable(joint) for joint in made.names]
+        for number, rows in enumerate(loops(made.mechanism), 1):
+            for end in (made.mechanism.first, made.mechanism.second):
+                link = 'base' if end[rows[0]] == BASE else printable(made.names[end[rows[0]]])
+                places.append(f'loop {number} on {link}')
+        return Geometry(
+            'shift', tuple(f'{place} {axis}' for place in places for axis in 'xyz'), 'm'
+        )
 
     def pose_slopes(self, robot: Parameters, position: Array, pose: Array) -> Array:
         """Derivatives of the pose, see :func:`pose_slopes`."""
