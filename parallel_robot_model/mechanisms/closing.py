@@ -6,6 +6,8 @@ than rounding: it is rounded to a grid, from which the last step is the same for
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
@@ -35,6 +37,7 @@ BENT = 0.4  # change of the Jacobian in a step, relative, at which corrections c
 FAST = 1e3  # rates of passive joints over those of actuated ones, at the end of the reach
 ON_THE_WAY = 1e-7  # accuracy of a posture in between
 EXACT = 2e-14  # and of one that is rounded to the grid next
+NEAR = 2e-10  # error of a prediction that mostly has the right point of the grid next to it
 NOISE = 1e-11  # corrections below it need not become smaller
 
 
@@ -111,25 +114,27 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
     copy(workspace.all, workspace.here)
     share = 1.0
     bent, length = _direct(mechanism, workspace, q)
+    exactly = accuracy == EXACT
+    near = length * bent * bent <= (NEAR if exactly else 0.1 * ON_THE_WAY)
+    near &= bent <= BENT and length <= LONGEST
+    near &= not (exactly and math.isnan(workspace.q[0]))  # from where loops are closed well
     for _ in range(ATTEMPTS):
         if share < SHORTEST:
             break
         last = share >= 1.0
         failed = FOUND
-        if not _step(mechanism, workspace, q, share, bent, length, accuracy):
+        if near:
+            _predict(mechanism, workspace, q, share)
+        elif not _step(mechanism, workspace, q, share, bent, length, accuracy):
             failed = NOT_CLOSED
-        elif last and accuracy == EXACT:
-            sign = workspace.state[SIGN]
-            failed = arrive(mechanism, workspace)
-            if failed == FOUND and workspace.state[SIGN] != sign:
-                workspace.state[SIGN] = sign
-                failed = SINGULAR
-        elif settle(mechanism, workspace) != workspace.state[SIGN]:
-            failed = SINGULAR
+        if failed == FOUND:
+            failed = _settle_there(mechanism, workspace, last and exactly)
+        if failed == FOUND and near and not exactly:
+            failed = FOUND if correct(workspace) <= ON_THE_WAY else NOT_CLOSED
         if failed == FOUND and not follow(mechanism, workspace):
             failed = NOT_CLOSED
         if failed == FOUND and last:
-            if accuracy != EXACT:
+            if not exactly:
                 derive(mechanism, workspace)
             return FOUND
         if failed == FOUND:
@@ -141,8 +146,21 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
             continue
         if last or failed == SINGULAR:
             _return_here(mechanism, workspace)
-        share *= 0.5
+        share = share if near else 0.5 * share
+        near = False
     return _what_stops(mechanism, workspace, length)
+
+
+@inner
+def _settle_there(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> int:
+    """Have errors and factors of the trial, which becomes exact or stays; FOUND or a fault."""
+    sign, fault = workspace.state[SIGN], FOUND
+    if exactly:
+        fault = arrive(mechanism, workspace)
+        found, workspace.state[SIGN] = workspace.state[SIGN], sign
+    else:
+        found = settle(mechanism, workspace)
+    return SINGULAR if fault == FOUND and found != sign else fault
 
 
 @inner
@@ -191,6 +209,17 @@ def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float
 
 
 @inner
+def _predict(mechanism: Mechanism, workspace: Workspace, q: Array, share: float) -> None:
+    """Write the trial at a share of the way, by its derivatives."""
+    trial, here, way = workspace.trial, workspace.here, workspace.way
+    for i in range(len(trial)):
+        trial[i] = here[i] + share * (way[0, i] + share * way[1, i])
+    if share >= 1.0:
+        for j in range(len(q)):
+            trial[mechanism.actuated[j]] = q[j]
+
+
+@inner
 def _step(
     mechanism: Mechanism,
     workspace: Workspace,
@@ -204,16 +233,11 @@ def _step(
 
     Those of the trial take their place once where that saves corrections of the last step.
     """
-    trial, here, way = workspace.trial, workspace.here, workspace.way
     bent *= share
     length *= share
     if not (bent <= BENT and length <= LONGEST):
         return False
-    for i in range(len(trial)):
-        trial[i] = here[i] + share * (way[0, i] + share * way[1, i])
-    if share >= 1.0:
-        for j in range(len(q)):
-            trial[mechanism.actuated[j]] = q[j]
+    _predict(mechanism, workspace, q, share)
     if len(workspace.error) == 0:
         place(mechanism, workspace)
         return True

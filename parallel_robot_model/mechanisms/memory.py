@@ -23,6 +23,7 @@ from parallel_robot_model.mechanisms.workspace import PLACED, SIGN, Workspace
 
 CLOSED = 1e-12  # error of a closed posture, in units of the length
 POLISHED = 1e-13  # and at which no further step is needed
+TRIES = 2  # of other points of the grid, where the trial was not near enough to know its own
 
 
 @inner
@@ -65,23 +66,46 @@ def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
         place(mechanism, workspace)
         workspace.state[SIGN] = 1
         return FOUND
-    passive, grid, trial = workspace.layout.passive, workspace.layout.grid, workspace.trial
-    for c in range(r):
-        i = passive[c]
-        trial[i] = grid[i] * np.rint(trial[i] / grid[i])
-    for k in range(4):
+    steps, tries = 0, 0
+    _round(workspace)
+    while steps < 4:
         sign = settle(mechanism, workspace)
         if sign == 0:
             return SINGULAR
         largest = 0.0
         for row in range(r):
             largest = max(largest, abs(workspace.error[row]))
-        if k > 0 and largest <= (POLISHED if k < 3 else CLOSED):
+        if steps > 0 and largest <= (POLISHED if steps < 3 else CLOSED):
             workspace.state[SIGN] = sign
             derive(mechanism, workspace)
             return FOUND
         correct(workspace)
+        if steps == 0 and tries < TRIES and not _was_nearest(workspace):
+            _round(workspace)
+            tries += 1
+        else:
+            steps += 1
     return NOT_CLOSED
+
+
+@inner
+def _round(workspace: Workspace) -> None:
+    """Round the passive joints of the trial to their grid."""
+    passive, grid, trial = workspace.layout.passive, workspace.layout.grid, workspace.trial
+    for c in range(len(passive)):
+        i = passive[c]
+        trial[i] = grid[i] * np.rint(trial[i] / grid[i])
+
+
+@inner
+def _was_nearest(workspace: Workspace) -> bool:
+    """Whether the trial before its correction was the point of the grid next to it."""
+    passive, grid, scale = workspace.layout.passive, workspace.layout.grid, workspace.layout.scale
+    nearest = True
+    for c in range(len(passive)):
+        i = passive[c]
+        nearest &= abs(scale[i] * workspace.single[c]) <= 0.5 * grid[i]
+    return nearest
 
 
 @inner

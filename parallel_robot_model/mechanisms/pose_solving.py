@@ -14,18 +14,26 @@ from parallel_robot_model.mechanisms.closing import (
     EXACT,
     FAST,
     LONGEST,
+    NEAR,
     NOISE,
     SHORTEST,
     close,
     finite,
 )
 from parallel_robot_model.mechanisms.closure_rates import derive
-from parallel_robot_model.mechanisms.closures import settle
+from parallel_robot_model.mechanisms.closures import errors, settle
 from parallel_robot_model.mechanisms.copying import clear, copy
 from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
 from parallel_robot_model.mechanisms.linear_solve import solve_vector
 from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.mechanisms.memory import arrive, begin_at_memory, go_back, remember
+from parallel_robot_model.mechanisms.memory import (
+    TRIES,
+    arrive,
+    begin_at_memory,
+    go_back,
+    remember,
+)
+from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.tool import (
     factor_tool,
     follow,
@@ -39,6 +47,7 @@ from parallel_robot_model.mechanisms.tool_way import add_tool_rate, aim, miss
 from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace
 
 NEWTONS = 8  # corrections of a step
+SHORT = 2e-3  # of a way, in units of the joints, on which derivatives need not be written anew
 SMALL = 1e-8  # correction after which the next one is below rounding
 
 
@@ -134,6 +143,15 @@ def _linearise(mechanism: Mechanism, workspace: Workspace, pose: Array, share: f
 
 
 @inner
+def _look(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> None:
+    """Write errors of closures and tool at the trial; the derivatives are those before."""
+    place(mechanism, workspace)
+    errors(mechanism, workspace)
+    place_tool(mechanism, workspace)
+    miss(mechanism, workspace, pose, share)
+
+
+@inner
 def _direct(mechanism: Mechanism, workspace: Workspace) -> float:
     """Write the derivative of all joints by the share of the way.
 
@@ -168,14 +186,20 @@ def _step(
         return NOT_CLOSED
     for i in range(len(workspace.trial)):
         workspace.trial[i] = workspace.here[i] + share * workspace.way[0, i]
+    chords = done == 0.0 and before <= SHORT
     for _ in range(NEWTONS):
-        if not _linearise(mechanism, workspace, pose, done + share):
+        if chords:
+            _look(mechanism, workspace, pose, share)
+        elif not _linearise(mechanism, workspace, pose, done + share):
             return SINGULAR
         size = _correct(mechanism, workspace)
         if not size <= BENT * before + NOISE:
             return NOT_CLOSED
-        if size <= SMALL or size * (size / before) ** 2 <= EXACT:  # the next one
+        if chords and (size <= NEAR or size * size <= NEAR * before):  # what the next one were
             return FOUND
+        if not chords and (size <= SMALL or size * (size / before) ** 2 <= EXACT):
+            return FOUND
+        chords = chords and size <= SHORT * before
         before = size
     return NOT_CLOSED
 
@@ -210,16 +234,35 @@ def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
 @inner
 def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     """Reach the pose such that the last bits of the trial do not matter; write W."""
-    trial, grid, moving = workspace.trial, workspace.layout.grid, workspace.layout.moving
-    for c in range(len(moving)):
-        trial[moving[c]] = grid[moving[c]] * np.rint(trial[moving[c]] / grid[moving[c]])
-    if not _linearise(mechanism, workspace, pose, 1.0):
-        return SINGULAR
-    if not _correct(mechanism, workspace) < np.inf:
-        return NOT_FINITE
+    for _ in range(1 + TRIES):
+        _round(workspace)
+        if not _linearise(mechanism, workspace, pose, 1.0):
+            return SINGULAR
+        if not _correct(mechanism, workspace) < np.inf:
+            return NOT_FINITE
+        if _was_nearest(workspace):
+            break
     sign = workspace.state[SIGN]
     fault = arrive(mechanism, workspace)
     if fault == FOUND and workspace.state[SIGN] != sign:
         workspace.state[SIGN] = sign
         return SINGULAR
     return fault
+
+
+@inner
+def _round(workspace: Workspace) -> None:
+    """Round the joints of the trial to their grid."""
+    trial, grid, moving = workspace.trial, workspace.layout.grid, workspace.layout.moving
+    for c in range(len(moving)):
+        trial[moving[c]] = grid[moving[c]] * np.rint(trial[moving[c]] / grid[moving[c]])
+
+
+@inner
+def _was_nearest(workspace: Workspace) -> bool:
+    """Whether the trial before its correction was the point of the grid next to it."""
+    rate, grid = workspace.rate, workspace.layout.grid
+    nearest = True
+    for i in range(len(rate)):
+        nearest &= abs(rate[i]) <= 0.5 * grid[i]
+    return nearest
