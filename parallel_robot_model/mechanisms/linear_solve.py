@@ -27,6 +27,7 @@ class Factors(NamedTuple):
             and from the end those left of it, shape (n, n).
         left: Number of those left of the diagonal, shape (n,).
         right: Number of those right of it, shape (n,).
+        busy: Rows with an element in a column, in any order, shape (n,).
         room: Right sides in the order of the factors, shape (n, WIDTH).
     """
 
@@ -35,14 +36,15 @@ class Factors(NamedTuple):
     filled: Index
     left: Index
     right: Index
+    busy: Index
     room: Array
 
 
 def factors(n: int) -> Factors:
     """Room for the factors of a matrix of shape (n, n)."""
-    row, left, count = np.zeros((3, n), np.int64)
+    row, left, count, busy = np.zeros((4, n), np.int64)
     return Factors(
-        np.zeros((n, n)), row, np.zeros((n, n), np.int64), left, count, np.zeros((n, WIDTH))
+        np.zeros((n, n)), row, np.zeros((n, n), np.int64), left, count, busy, np.zeros((n, WIDTH))
     )
 
 
@@ -54,17 +56,20 @@ def factor(system: Factors) -> int:
         Sign of the determinant, 0 if a pivot is too small or not a number.
     """
     a, row, filled, left, right = system.a, system.row, system.filled, system.left, system.right
+    busy = system.busy
     n, sign = len(a), 1
     for i in range(n):
         row[i] = i
         left[i] = 0
     for c in range(n):
-        p = c
-        best = abs(a[row[c], c])
-        for i in range(c + 1, n):
-            size = abs(a[row[i], c])
-            if size > best:
-                best, p = size, i
+        p, best, rows = c, 0.0, 0
+        for i in range(c, n):
+            if a[row[i], c] != 0.0:
+                busy[rows] = row[i]
+                rows += 1
+                size = abs(a[row[i], c])
+                if size > best:
+                    best, p = size, i
         if not best > SMALLEST:
             return 0
         pivot = row[p]
@@ -80,9 +85,9 @@ def factor(system: Factors) -> int:
             filled[pivot, count] = k
             count += a[pivot, k] != 0.0
         right[pivot] = count
-        for i in range(c + 1, n):
-            r = row[i]
-            if a[r, c] != 0.0:
+        for i in range(rows):
+            r = busy[i]
+            if r != pivot:
                 f = a[r, c] * inverse
                 a[r, c] = f
                 left[r] += 1
@@ -95,7 +100,7 @@ def factor(system: Factors) -> int:
 @inner
 def solve_vector(system: Factors, b: Array) -> None:
     """Replace a right side, shape (n,), by the solution."""
-    a, row, filled, left, right, x = system
+    a, row, filled, left, right, _, x = system
     n = len(b)
     for i in range(n):
         r = row[i]
@@ -114,7 +119,7 @@ def solve_vector(system: Factors, b: Array) -> None:
 @inner
 def solve_columns(system: Factors, b: Array) -> None:
     """Replace right sides, shape (n, k), by the solutions; k is a multiple of WIDTH."""
-    a, row, filled, left, right, x = system
+    a, row, filled, left, right, _, x = system
     n = len(a)
     for j in range(0, b.shape[1], WIDTH):
         for i in range(n):
