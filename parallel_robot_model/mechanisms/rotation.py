@@ -84,15 +84,21 @@ def vector_rate(x: Triple, angular: Triple) -> Triple:
     Source:
         Sola, Deray, Atchuthan (2018), A micro Lie theory for state estimation, eqs. (145), (146).
     """
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    once = crossed(x, angular)
-    twice = crossed(x, once)
-    return plus(angular, plus(times(once, -0.5), times(twice, _inverse(math.sqrt(square)))))
+    return vector_rate_by(x, bending(x), angular)
 
 
 @inner
-def _inverse(angle: float) -> float:
-    """(1 - t / 2 cot(t / 2)) / t^2."""
+def vector_rate_by(x: Triple, bent: float, angular: Triple) -> Triple:
+    """The same with the `bending` of the vector, for many angular velocities."""
+    once = crossed(x, angular)
+    twice = crossed(x, once)
+    return plus(angular, plus(times(once, -0.5), times(twice, bent)))
+
+
+@inner
+def bending(x: Triple) -> float:
+    """(1 - t / 2 cot(t / 2)) / t^2 with t = |x|."""
+    angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     half = 0.5 * angle
     return 0.25 * (_versine(half) - _third(half)) / _sine(half)
 

@@ -9,7 +9,13 @@ from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import clear, clear_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor, solve_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
-from parallel_robot_model.mechanisms.rotation import jacobian_rate, rotation_vector, vector_rate
+from parallel_robot_model.mechanisms.rotation import (
+    bending,
+    jacobian_rate,
+    rotation_vector,
+    vector_rate,
+    vector_rate_by,
+)
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
     crossed,
@@ -149,11 +155,11 @@ def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Triple) -> None
             out[k, k] = 1.0
         return
     point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
-    i = mechanism.tool
+    i, bent = mechanism.tool, bending(x)
     while i != BASE:
         turn = triple(workspace.S, i)
         slide = velocity(turn, second_triple(workspace.S, i), point)
-        rotation = vector_rate(x, turn)
+        rotation = vector_rate_by(x, bent, turn)
         for k in range(len(coordinate)):
             c = coordinate[k]
             part = slide[c] if c < ROTATIONS else rotation[c - ROTATIONS]
