@@ -232,6 +232,25 @@ def test_margins_are_singular_values(name):
         assert free == pytest.approx(evenness(geometric(machine, w)), abs=1e-7)
 
 
+@EVERY
+def test_margins_are_judged_alike_whatever_was_judged_before(name):
+    machine = made(name)
+    m, w = machine.boxed()
+    r, way = len(w.error), []
+    for q in samples(machine, 30, seed=5):  # steps of all sizes, there and back
+        way += [m.home[m.actuated] + s * (q - m.home[m.actuated]) for s in (0.9, 0.99, 1.0, 0.4)]
+    found, true = [], []
+    for q in way:
+        assert close(m, w, q) == FOUND
+        true.append(evenness(w.jacobian[:, :r]) if r else 1.0)
+    least = (1.0 - 1e-6) * 0.5 * (np.median(true) + min(true))  # of some, all are alike
+    for q in way:
+        close(m, w, q)
+        found.append(keeps(m, w, least, 0.0)[0])
+    assert found == [margin >= least for margin in true]
+    assert r == 0 or np.ptp(true) < 1e-6 or not all(found)
+
+
 def geometric(machine, w):
     """Velocities of the tool by the actuated joints, by MuJoCo, as numbers."""
     m, data, columns = machine.mechanism, mujoco.MjData(machine.model), []

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.copying import clear_matrix
+from parallel_robot_model.mechanisms.copying import clear, clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.mechanisms.singular_values import evenness, is_as_even
+from parallel_robot_model.mechanisms.singular_values import evenness, is_as_even, trace
 from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
 from parallel_robot_model.mechanisms.workspace import Workspace
 
@@ -56,12 +58,46 @@ def keeps(
     """Whether each of the :func:`margins` is at least a number, from 0 to 1, in less time."""
     closes, moves = closed <= 1.0, free <= 1.0
     if len(workspace.error) > 0:
-        _of_closures(workspace)
-        closes = is_as_even(workspace.closure_gram, closed)
+        closes = _closes(workspace, closed)
     if len(mechanism.coordinate) > 0:
         _of_tool(mechanism, workspace)
         moves = is_as_even(workspace.tool_gram, free)
     return closes, moves
+
+
+@inner
+def _closes(workspace: Workspace, closed: float) -> bool:
+    """Whether the margin of the closures is at least a number.
+
+    A posture with twice that answers for those near it: no singular value differs by more than
+    the matrices do (Weyl 1912).
+    """
+    known, block, root = workspace.known, workspace.known_block, math.sqrt(len(workspace.error))
+    apart = _distance(workspace.jacobian, block, workspace.tridiagonal[0])
+    if closed > 0.0 and known[0] - apart >= closed * (known[1] + apart) / root:
+        return True
+    _of_closures(workspace)
+    size = math.sqrt(trace(workspace.closure_gram))
+    if closed > 0.0 and is_as_even(workspace.closure_gram, 2.0 * closed):
+        copy_matrix(workspace.jacobian, block)
+        known[0], known[1] = 2.0 * closed * size / root, size
+        return True
+    _of_closures(workspace)
+    return is_as_even(workspace.closure_gram, closed)
+
+
+@inner
+def _distance(a: Array, b: Array, squares: Array) -> float:
+    """Root of the sum of squares of a - b, of the shape of b; `squares` is room for a row."""
+    clear(squares)
+    for row in range(b.shape[0]):
+        for c in range(b.shape[1]):
+            apart = a[row, c] - b[row, c]
+            squares[c] += apart * apart
+    total = 0.0
+    for c in range(b.shape[1]):
+        total += squares[c]
+    return math.sqrt(total)
 
 
 @inner

@@ -22,12 +22,12 @@ def evenness(gram: Array, tridiagonal: Array) -> float:
     Returns:
         A number from 0 to 1, with an error of some 1e-8.
     """
-    k, trace = len(gram), _trace(gram)
-    if not trace > 0.0:
+    k, total = len(gram), trace(gram)
+    if not total > 0.0:
         return 0.0
     _make_tridiagonal(gram, tridiagonal)
-    smallest = _smallest_eigenvalue(tridiagonal, k, 1e-16 * trace)
-    return math.sqrt(min(1.0, max(0.0, k * smallest / trace)))
+    smallest = _smallest_eigenvalue(tridiagonal, k, 1e-16 * total)
+    return math.sqrt(min(1.0, max(0.0, k * smallest / total)))
 
 
 @inner
@@ -40,10 +40,10 @@ def is_as_even(gram: Array, share: float) -> bool:
         gram: A^T A, shape (k, k), of which the lower triangle is read, and overwritten.
         share: The share; where it is 0 or less, only numbers are asked for.
     """
-    k, trace = len(gram), _trace(gram)
+    k, total = len(gram), trace(gram)
     if share <= 0.0:
-        return trace >= 0.0
-    less = share * share * trace / k
+        return total >= 0.0
+    less = share * share * total / k
     for c in range(k - 1, -1, -1):
         pivot = gram[c, c] - less
         if not pivot > 0.0:
@@ -57,7 +57,8 @@ def is_as_even(gram: Array, share: float) -> bool:
 
 
 @inner
-def _trace(a: Array) -> float:
+def trace(a: Array) -> float:
+    """Sum of the elements of the diagonal."""
     total = 0.0
     for i in range(len(a)):
         total += a[i, i]

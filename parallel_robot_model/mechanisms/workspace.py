@@ -68,6 +68,9 @@ class Workspace(NamedTuple):
         tool_bias: Acceleration of the pose at none of the actuated joints, shape (m,).
         tool_way: Pose where a way begins, and the whole way, shape (2, m).
         tool_error: Distance from a pose, shape (n,).
+        known: What the singular values of `known_block` are at least; the root of the sum of their
+            squares, shape (2,).
+        known_block: Passive block of a posture with room around it, shape (r, r).
         closure_gram: Products of the columns of the passive block, shape (r, r).
         tool_gram: Products of the columns of the tool's Jacobian, shape (n, n).
         tridiagonal: A matrix by its diagonals, and room, shape (4, max(r, n)).
@@ -111,6 +114,8 @@ class Workspace(NamedTuple):
     tool_bias: Array
     tool_way: Array
     tool_error: Array
+    known: Array
+    known_block: Array
     closure_gram: Array
     tool_gram: Array
     tridiagonal: Array
@@ -143,7 +148,8 @@ def workspace(mechanism: Mechanism) -> Workspace:
         **{'single': (r,), 'inertia': (N, 10), 'momentum': (N, 12), 'inertia_matrix': (n, n)},
         **{'tool_jacobian': (m, n), 'tool_frame': (3, 3, 3)},
         **{'tool_point': (3,), 'tool_bias': (m,), 'tool_way': (2, m), 'tool_error': (n,)},
-        **{'closure_gram': (r, r), 'tool_gram': (n, n), 'tridiagonal': (4, max(r, n))},
+        **{'known': (2,), 'known_block': (r, r), 'closure_gram': (r, r)},
+        **{'tool_gram': (n, n), 'tridiagonal': (4, max(r, n))},
     }
     made = Workspace(
         q=mechanism.home[mechanism.actuated],
