@@ -7,10 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler import Boxed
 from parallel_robot_model.mechanisms import closing
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.mechanisms.workspace import boxed
+from parallel_robot_model.mechanisms.workspace import boxed, workspace
 
 ROWS = 6  # vectors that are handed over between kernels
 
@@ -21,6 +22,7 @@ class Constants(NamedTuple):
     Attributes:
         mechanism: The machine, a boxed Mechanism.
         workspace: Its posture, from which the next one is looked for, a boxed Workspace.
+        judged: The same for postures that are only judged, which lie ahead of the others.
         rows: Vectors that are handed over, shape (ROWS, n).
         matrices: M and Q, shape (2, n, n).
         travel: Lower and upper ends of travel [rad or m], shape (2, n).
@@ -29,6 +31,7 @@ class Constants(NamedTuple):
 
     mechanism: Any
     workspace: Any
+    judged: Any
     rows: Array
     matrices: Array
     travel: Array
@@ -45,6 +48,7 @@ def constants(
     return Constants(
         machine,
         made,
+        Boxed(workspace(mechanism)),
         np.zeros((ROWS, n)),
         np.zeros((2, n, n)),
         np.array([lower, upper], np.float64),

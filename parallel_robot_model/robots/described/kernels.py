@@ -6,6 +6,8 @@ integrates. The passive joints are in the memory of the constants.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
@@ -44,25 +46,18 @@ def _closed(robot: Constants, position: Array) -> int:
 
 
 @inner
-def _closed_roughly(robot: Constants, position: Array) -> int:
-    """The same, for a posture that is only judged."""
-    write_row(robot.rows, 0, position)
-    return closing.close_roughly(robot.mechanism, robot.workspace, robot.rows[0])
-
-
-@inner
-def _pose(robot: Constants, like: Array) -> Array:
+def _pose(robot: Constants, workspace: Any, like: Array) -> Array:
     """The pose of the posture that is closed."""
-    tool.tool_pose(robot.mechanism, robot.workspace, robot.rows[1])
+    tool.tool_pose(robot.mechanism, workspace, robot.rows[1])
     return read_row(robot.rows, 1, like)
 
 
 @inner
-def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
+def _near(robot: Constants, workspace: Any, margins: SafetyMargins, position: Array) -> int:
     """FOUND, or the margin that is violated in the posture that is closed; NaN is a fault, too."""
     closure, of_tool = robot.home
     closes, moves = keeps(
-        robot.mechanism, robot.workspace, margins.min_closure * closure, margins.min_tool * of_tool
+        robot.mechanism, workspace, margins.min_closure * closure, margins.min_tool * of_tool
     )
     if not closes:
         return CLOSURE
@@ -76,7 +71,7 @@ def _near(robot: Constants, margins: SafetyMargins, position: Array) -> int:
 def locate(robot: Constants, position: Array, guess: Array) -> Location:
     """Pose at joint positions in the assembly mode of home; the guess where there is none."""
     fault = _closed(robot, position)
-    return Location(_pose(robot, guess) if fault == FOUND else guess, fault)
+    return Location(_pose(robot, robot.workspace, guess) if fault == FOUND else guess, fault)
 
 
 @kernel
@@ -84,7 +79,8 @@ def estimate(
     robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
 ) -> Estimate:
     """Pose, margins and model at a joint state."""
-    return _estimate(robot, margins, position, velocity, guess, _closed(robot, position))
+    fault = _closed(robot, position)
+    return _estimate(robot, robot.workspace, margins, position, velocity, guess, fault)
 
 
 @kernel
@@ -92,12 +88,15 @@ def ahead(
     robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
 ) -> Estimate:
     """As :func:`estimate`, with loops that are closed to seven digits."""
-    return _estimate(robot, margins, position, velocity, guess, _closed_roughly(robot, position))
+    write_row(robot.rows, 0, position)
+    fault = closing.close_roughly(robot.mechanism, robot.judged, robot.rows[0])
+    return _estimate(robot, robot.judged, margins, position, velocity, guess, fault)
 
 
 @inner
 def _estimate(
     robot: Constants,
+    workspace: Any,
     margins: SafetyMargins,
     position: Array,
     velocity: Array,
@@ -109,13 +108,13 @@ def _estimate(
     nothing = no_model(Model(matrix, matrix, position))
     if fault != FOUND:
         return Estimate(fault, guess, nothing)
-    pose = _pose(robot, guess)
-    fault = _near(robot, margins, position)
+    pose = _pose(robot, workspace, guess)
+    fault = _near(robot, workspace, margins, position)
     if fault != FOUND:
         return Estimate(fault, pose, nothing)
     write_row(robot.rows, 1, velocity)
     rows, matrices = robot.rows, robot.matrices
-    dynamics.model(robot.mechanism, robot.workspace, rows[1], matrices[0], matrices[1], rows[2])
+    dynamics.model(robot.mechanism, workspace, rows[1], matrices[0], matrices[1], rows[2])
     model = Model(
         read_row(matrices, 0, matrix), read_row(matrices, 1, matrix), read_row(rows, 2, position)
     )
@@ -143,7 +142,7 @@ def measure(robot: Constants, position: Array, rate: Array) -> Measurement:
     if _closed(robot, position) != FOUND:
         lost = position + np.nan
         return Measurement(position, lost, none, none, lost)
-    return Measurement(position, rate, none, none, _pose(robot, position))
+    return Measurement(position, rate, none, none, _pose(robot, robot.workspace, position))
 
 
 @kernel
