@@ -12,6 +12,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, robot_names
+from parallel_robot_model.mechanisms.skeleton import drawn
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
@@ -167,6 +168,65 @@ class TestRobot:
             assert any(np.allclose(line, ends, atol=1e-12) for line in lines[0])
         for point in (*motors, *elbows):
             assert any(np.allclose(origin, [*point, 0.0], atol=1e-12) for origin in origins)
+
+    def test_in_its_picture_legs_are_as_long_as_they_are(self):
+        robot = robot_of(resolve('hexapod_circle'))
+        q = np.array([0.2, -0.1, 0.15, 0.05, -0.2, 0.1])  # m, longer than at home
+        (lines,) = robot.module.segments(robot.parameters, None, q[None]).values()
+        turns = np.radians(np.add.outer([0.0, 120.0, 240.0], [-2.5, 2.5]).ravel())
+        base = 3.0 * np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1)
+        for foot, longer in zip(base, q, strict=True):
+            ends = lines[0][np.abs(lines[0][:, 0] - foot).max(axis=1) < 1e-9]
+            (leg,) = ends[np.ptp(ends, axis=1).max(axis=1) > 1e-9]
+            length = 3.153800683985283 + longer
+            assert np.linalg.norm(leg[1] - leg[0]) == pytest.approx(length, abs=1e-9)
+        corners = lines[0][np.abs(lines[0][:, :, 2] - 2.0).max(axis=1) < 0.5]
+        assert len(corners) >= 6  # of the platform, at which the legs end
+
+    def test_in_its_picture_jaws_move_away_from_their_carriage(self, tmp_path):
+        mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+        joints = [
+            ('x', 'base', '1 0 0', '0'),
+            ('a', 'x', '0 1 0', '.1'),
+            ('b', 'x', '0 -1 0', '.1'),
+        ]
+        file = tmp_path / 'gripper.urdf'
+        file.write_text(
+            '<robot name="gripper"><link name="base"/>'
+            + ''.join(
+                f'<link name="{name}">{mass}</link><joint name="j{name}" type="prismatic">'
+                f'<parent link="{parent}"/><child link="{name}"/><origin xyz="0 0 {z}"/>'
+                f'<axis xyz="{axis}"/><limit lower="-1" upper="1" effort="9" velocity="1"/>'
+                '</joint>'
+                for name, parent, axis, z in joints
+            )
+            + '</robot>'
+        )
+        robot = robot_of(resolve(str(file)))
+        found = drawn(robot.module.mechanism(robot.parameters), np.array([[0.3, 0.02, 0.05]]))[0]
+        middle = [0.3, 0.0, 0.1]
+        for ends in ([0.3, 0.0, 0.0], [0.3, 0.02, 0.1], [0.3, -0.05, 0.1]):
+            expected = sorted([ends, middle])
+            assert any(np.allclose(sorted(line.tolist()), expected, atol=1e-12) for line in found)
+
+    def test_what_is_judged_ahead_leaves_no_trace(self):
+        robot = robot_of(resolve('hexapod_circle'))
+        asked, plain = robot.constants, robot.constants
+        margins = robot.module.SafetyMargins(0.1, 0.1, 0.0)
+        here = vector(plain.value.workspace.q)
+        rate = vector(np.linspace(-0.2, 0.3, 6))
+        for k in range(20):
+            there = vector(here + 0.01 * k * rate)
+            far = vector(there + 0.1 * rate)
+            judged = robot.module.ahead(asked, margins, far, rate, here)
+            found = [
+                robot.module.estimate(box, margins, there, rate, here) for box in (asked, plain)
+            ]
+            np.testing.assert_array_equal(found[0].model.M, found[1].model.M)
+            np.testing.assert_array_equal(found[0].pose, found[1].pose)
+            exact = robot.module.estimate(robot.constants, margins, far, rate, here)
+            assert judged.fault == exact.fault == FOUND
+            np.testing.assert_allclose(judged.model.M, exact.model.M, rtol=1e-5, atol=1e-3)
 
     def test_joints_that_no_posture_has_are_a_fault_and_leave_the_memory(self):
         robot = robot_of(resolve('five_bar_circle'))

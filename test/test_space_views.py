@@ -318,8 +318,16 @@ def test_the_urdf_of_a_machine_closes_its_loops(name):
             for line in link.lines
         ]
         assert len(lines) == ends.shape[1]
+        legs = 0
         for line in np.array(lines)[..., : model.place]:
-            assert np.abs(ends[0] - line).max(axis=(1, 2)).min() < 1e-9
+            begins, is_it = (np.abs(ends[0] - line).max(axis=axes) < 1e-9 for axes in (2, (1, 2)))
+            if is_it.any():
+                continue
+            legs += 1  # there it is as long as at home, in pictures it ends at the slide
+            (leg,) = (ends[0, k] for k in np.flatnonzero(begins[:, 0]) if ends[0, k, 0, 2] == 0.0)
+            assert np.abs(np.cross(leg[1] - leg[0], line[1] - line[0])).max() < 1e-9
+            assert any(np.abs(data.body(x.name).xpos - leg[1]).max() < 1e-9 for x in posture.links)
+        assert legs == (6 if name == 'hexapod' else 0)
         origins, turns = frames(posture.links, found)  # what is sent as frames
         for link, origin, turn in zip(posture.links, origins, turns, strict=True):
             there, parent = data.body(link.name), described.body(link.name).parentid[0]

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.mechanisms.mechanism import BASE, POINT, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, POINT, SLIDE, Index, Mechanism
 from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import boxed
 
@@ -23,14 +23,20 @@ class Line(NamedTuple):
     Attributes:
         link: The joint that moves it, or BASE.
         ends: Both points in the frame of that joint [m], shape (2, 3).
+        slide: A slide that takes the second point along, from where it is at position zero, or
+            BASE.
     """
 
     link: int
     ends: Array
+    slide: int = BASE
 
 
 def lines(mechanism: Mechanism) -> tuple[Line, ...]:
-    """The lines of all links: from its joint to all else that it carries, or round a platform."""
+    """The lines of all links: from its joint to all else that it carries, or round a platform.
+
+    Each slide ends a line: that which leads to it along its axis, or one of its way alone.
+    """
     carried: defaultdict[int, list[Array]] = defaultdict(list)
     for parent, origin in zip(mechanism.parent, mechanism.origin, strict=True):
         carried[int(parent)].append(origin)
@@ -38,6 +44,15 @@ def lines(mechanism: Mechanism) -> tuple[Line, ...]:
         carried[int(mechanism.first[k])].append(mechanism.first_point[k])
         carried[int(mechanism.second[k])].append(mechanism.second_point[k])
     carried[int(mechanism.tool)].append(mechanism.tool_point)
+    slides = [
+        (int(i), int(mechanism.parent[i]), mechanism.origin[i])
+        for i in np.flatnonzero((mechanism.kind == SLIDE) & (mechanism.parent != BASE))
+    ]
+    at_end = {
+        (link, point.tobytes()): slide
+        for slide, link, point in slides
+        if _leads_along(mechanism, slide)
+    }
     found: list[Line] = []
     for link in sorted(carried.keys() - {BASE}):
         points = _apart([np.zeros(3), *carried[link]], SHORT * mechanism.length)
@@ -48,14 +63,28 @@ def lines(mechanism: Mechanism) -> tuple[Line, ...]:
             edges = zip(corners, np.roll(corners, -1, axis=0), strict=True)
             found += [Line(link, np.stack(edge)) for edge in edges]
         centre = corners.mean(axis=0) if len(corners) else points[0]
+        ended = {} if len(corners) else at_end
         at = {corner.tobytes() for corner in corners}
         inside = [point for point in points if point.tobytes() not in at]
         found += [
-            Line(link, np.stack([centre, point]))
+            Line(link, np.stack([centre, point]), ended.get((link, point.tobytes()), BASE))
             for point in inside
             if np.linalg.norm(point - centre) > SHORT * mechanism.length
         ]
+    led = {line.slide for line in found}
+    found += [
+        Line(link, np.stack([point, point]), slide)
+        for slide, link, point in slides
+        if slide not in led
+    ]
     return tuple(found)
+
+
+def _leads_along(mechanism: Mechanism, slide: int) -> bool:
+    """Whether the way from the joint before a slide has the direction of its axis."""
+    axis = mechanism.rotation[slide] @ mechanism.axis[slide]
+    across = np.cross(axis, mechanism.origin[slide])
+    return bool(np.linalg.norm(across) <= SHORT * mechanism.length)
 
 
 def _apart(points: list[Array], distance: float) -> list[Array]:
@@ -110,9 +139,11 @@ def drawn(mechanism: Mechanism, positions: Array) -> Array:
     rotation, origin = np.empty((count, joints, 3, 3)), np.empty((count, joints, 3))
     value, made = boxed(mechanism)
     frames(value, made, np.ascontiguousarray(positions), rotation, origin)
-    found = [
-        np.einsum('kab,eb->kea', rotation[:, line.link], line.ends)
-        + origin[:, line.link, np.newaxis]
-        for line in lines(mechanism)
-    ]
-    return np.stack(found, axis=1) if found else np.zeros((count, 0, 2, 3))
+    links = lines(mechanism)
+    found = np.zeros((count, len(links), 2, 3))
+    for k, line in enumerate(links):
+        turned = np.einsum('kab,eb->kea', rotation[:, line.link], line.ends)
+        found[:, k] = turned + origin[:, line.link, np.newaxis]
+        if line.slide != BASE:
+            found[:, k, 1] = origin[:, line.slide]
+    return found

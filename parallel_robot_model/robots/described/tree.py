@@ -65,7 +65,8 @@ class DescribedTree:
         ends = dict(zip(mechanism.actuated.tolist(), travel, strict=True))
         drawn = defaultdict(list)
         for line in lines(mechanism):
-            drawn[line.link].append(tuple(map(_numbers, line.ends)))
+            if line.ends[0].tobytes() != line.ends[1].tobytes():  # of the way of a slide alone
+                drawn[line.link].append(tuple(map(_numbers, line.ends)))
         moving = [
             _moving(mechanism, k, names, joint_names[k])._replace(
                 lines=tuple(drawn[k]), **({'travel': ends[k]} if k in ends else {})
