@@ -12,6 +12,7 @@ from parallel_robot.studies.identification import bag_identification, base_param
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_sim.configuration import configure
 
 MASSES = [1.2, 0.9, 1.1, 1.05]  # of the links of the five-bar, relative
 EXCITATION = {
@@ -73,6 +74,31 @@ def test_intervals_cover_the_true_parameters(bags):
     )
     covered = np.abs(fit.values - wanted) <= fit.interval * fit.standard_errors
     assert covered.mean() >= 0.8 and len(wanted) > 2 * n + 4
+
+
+@pytest.mark.parametrize(
+    ('scenario', 'unseen'),
+    [
+        (
+            'delta_circle',
+            ['Ixx[arm2]', 'Iyz[arm3]', 'my[arm2]', 'Izz[wrist1a.z]', 'mx[wrist1a.z]'],
+        ),
+        ('hexapod_circle', ['m[swing1]', 'm[swing6]']),
+    ],
+)
+def test_what_moves_nothing_is_no_parameter(scenario, unseen):
+    """An arm turns about its motor alone, a swing about a fixed point; a wrist has no mass."""
+    trajectory = configure(resolve(scenario)).trajectory
+    known = trajectory.sample(np.linspace(0.0, 5.0, 400))
+    base = base_parameters.find(
+        trajectory.robot, [known.position], len(known.position), known.pose[0]
+    )
+    first = [name.split()[0] for name in base.names]
+    assert not set(unseen) & set(first) and len(first) > 30
+    model = base_parameters.linear_model(trajectory.robot)
+    rates = np.random.default_rng(4).normal(size=(2, *known.position.shape))
+    torques = model.regressor(trajectory.robot.parameters, known.pose, known.position, *rates)
+    assert np.linalg.cond(torques.reshape(-1, torques.shape[-1])[:, base.kept]) < 1e9
 
 
 def test_a_motion_is_designed_for_a_machine(tmp_path, capsys):

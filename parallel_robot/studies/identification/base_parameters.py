@@ -20,6 +20,7 @@ from parallel_robot_model.robots.registry import RobotModel
 
 STATES = 200  # with which combinations are found
 MOST = 5  # parameters that are told of a combination, beside the first
+ROUNDING = 1e-12  # of the largest column of a regressor: one that is zero
 NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
 
 
@@ -81,8 +82,10 @@ def find(
     velocity, acceleration = rng.normal(size=(2, STATES, position.shape[1]))
     Y = model.regressor(robot.parameters, pose, position, velocity, acceleration)
     Y = Y.reshape(-1, Y.shape[-1])
+    size = np.linalg.norm(Y, axis=0)
+    Y[:, size <= ROUNDING * size.max()] = 0.0  # of what moves nothing
     # A column without a new direction has a zero on the diagonal of R (no pivoting).
-    R = np.linalg.qr(Y / np.linalg.norm(Y, axis=0).clip(1e-300), mode='r')
+    R = np.linalg.qr(Y / size.clip(1e-300), mode='r')
     pivots = np.abs(np.diag(R))
     columns = np.flatnonzero(pivots > NOTHING * pivots.max())
     K: Array = np.linalg.lstsq(Y[:, columns], Y, rcond=None)[0].astype(np.float64)
