@@ -18,7 +18,7 @@ import numpy as np
 
 from parallel_robot_control.safety import ZERO, Last, Limits, safe_torque
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import every, inner, kernel, multiply, select, solve
+from parallel_robot_model.compiler import every, inner, kernel, largest, multiply, select, solve
 from parallel_robot_model.robots.contract import FOUND, Estimate
 
 SHORT = 0.005  # rad, a way to rest that the margins of the robot have room for
@@ -26,15 +26,6 @@ RESERVE = 1.25  # by which the robot may be heavier, or the motors weaker
 BRAKED = 0.5  # of the momentum in a step, at most
 TURNED = 0.1  # of it, by a change of the inertia
 STEPS = 32
-
-
-@kernel
-def largest(x: Array) -> float:
-    """Largest magnitude of the elements of a vector."""
-    largest = abs(x[0])
-    for i in range(1, len(x)):
-        largest = max(largest, abs(x[i]))
-    return largest
 
 
 @kernel

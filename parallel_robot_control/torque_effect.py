@@ -9,10 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_control import cycle_memory
-from parallel_robot_control.braking import largest
 from parallel_robot_control.momentum_observer import Observed, observed
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import inner, read_at, select, write_at
+from parallel_robot_model.compiler import inner, largest, read_at, select, write_at
 from parallel_robot_model.robots.contract import Model
 
 BANDWIDTH = 20.0  # 1/s

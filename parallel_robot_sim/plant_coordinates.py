@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import kernel, multiply, read_row, solve, write_row
+from parallel_robot_model.compiler import kernel, largest, multiply, read_row, solve, write_row
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantSetup, PlantState
@@ -62,10 +62,7 @@ def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) 
                 normal[i] = multiply(slopes, slopes[i])
             correction = solve(normal, multiply(slopes, poses[k] - pose))
             x += correction
-            largest = 0.0
-            for step in correction:
-                largest = max(largest, abs(step))
-            if largest < ENOUGH:
+            if largest(correction) < ENOUGH:
                 coordinates[k] = x
                 break
         if not np.isfinite(coordinates[k, 0]):

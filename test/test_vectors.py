@@ -20,6 +20,7 @@ from parallel_robot_model.compiler import (
     entry_point,
     every,
     kernel,
+    largest,
     multiply,
     read_row,
     select,
@@ -290,6 +291,11 @@ def test_clip_keeps_nan():
     assert same(clip(x, -1.0, 1.0), [math.nan, -1.0, 1.0, 0.5, -0.0])
     assert same(clip(x, vector([0.0] * 5), vector([9.0] * 5)), [math.nan, 0.0, 7.0, 0.5, -0.0])
     assert same(clip(np.array(x), -1.0, 1.0), clip(x, -1.0, 1.0))
+
+
+def test_largest_is_that_of_magnitudes():
+    for numbers in ([3.0, -5.0, 4.0], [-2.0], [0.0, -0.0], [1.0, math.inf]):
+        assert largest(vector(numbers)) == largest(np.array(numbers)) == np.abs(numbers).max()
 
 
 def test_rows_of_arrays():

@@ -142,3 +142,12 @@ _reduces(some, 'or_')
 def clip(x: Any, low: Any, high: Any) -> Any:
     """`x` within its limits, element by element; NaN stays NaN."""
     return select(x > high, high, select(x < low, low, x))
+
+
+@kernel
+def largest(x: Any) -> Any:
+    """Largest magnitude of the elements of a vector or an array of one dimension."""
+    largest = abs(x[0])
+    for i in range(1, len(x)):
+        largest = max(largest, abs(x[i]))
+    return largest
