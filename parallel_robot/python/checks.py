@@ -12,12 +12,13 @@ from parallel_robot.bags.recovery import Recovery
 from parallel_robot.python import arguments
 from parallel_robot.studies.machine_verification import name_of, verify_machine
 from parallel_robot.studies.robot_verification import verify_robot
-from parallel_robot.studies.tuning import fronts as drawing
+from parallel_robot.studies.tuning.compared import Compared, compare
 from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.configuration.placed import Placed
 from parallel_robot_model.robots.robot_checks import FINE
+from parallel_robot_sim.scenario_run import named
 
 ROBOTS = 10
 
@@ -87,26 +88,41 @@ def recover(bag: str | Path, out: str | Path, *, memory: int = MEMORY) -> Recove
     return recovery.recover(arguments.path('a bag', bag), arguments.path('out', out), memory)
 
 
-def fronts(directories: Iterable[str | Path], out: str | Path) -> Path:
+def fronts(
+    directories: Iterable[str | Path],
+    out: str | Path,
+    *,
+    effort: str | None = None,
+    study: str | Path | None = None,
+    sweep: str | Path | None = None,
+) -> Compared:
     """Draw the fronts of several tunings in one picture, as ``parallel_robot fronts`` does.
 
     >>> import parallel_robot as pr
     >>> chosen = {'trials': 16, 'duration': 1, 'bounds': {'z': (10, 50)}}
     >>> tuned = pr.tune('smc', 'paper_circle', 'runs/fronts', **chosen)
-    >>> pr.fronts(['runs/fronts'], 'runs/fronts.png').name
+    >>> pr.fronts(['runs/fronts'], 'runs/fronts.png').out.name
     'fronts.png'
 
     Args:
         directories: Those of the results of :func:`tune`.
-        out: Picture, .png or .svg, which must not exist.
+        out: Picture, .png or .svg, or with `study` a .yaml; must not exist.
+        effort: ``'MEASURE=VALUE'``: compare laws at exactly this effort.
+        study: Name or file of a study, which is written with the trials around the effort as its
+            laws, for :func:`sweep`.
+        sweep: Directory of a sweep of it, whose medians take the place of those of the searches.
 
     Returns:
-        The picture.
+        What the command prints; ``as_data()`` has the figures.
 
     Raises:
         InputError: one is no directory of a tuning that has ended, they cannot be compared, or the
-            picture cannot be written.
+            file cannot be written.
     """
-    path = arguments.path('out', out)
-    drawing.save([arguments.path('a directory', each) for each in directories], path)
-    return path
+    return compare(
+        [arguments.path('a directory', each) for each in directories],
+        arguments.path('out', out),
+        None if effort is None else named('effort', effort),
+        None if study is None else named('study', study),
+        arguments.optional('sweep', sweep),
+    )

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.tuning import fronts
+from parallel_robot.studies.tuning.compared import compare
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -21,12 +22,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help=f'picture, {" or ".join(fronts.FORMATS)}; must not exist',
     )
+    parser.add_argument(
+        '--effort',
+        metavar='MEASURE=VALUE',
+        help='compare laws at exactly this effort, on the lines between the trials that enclose '
+        'it; searches of a law with several seeds are one row',
+    )
+    parser.add_argument(
+        '--study',
+        metavar='STUDY',
+        help='write --out, a .yaml, as this study with the trials around --effort as its laws',
+    )
+    parser.add_argument(
+        '--sweep',
+        type=Path,
+        metavar='DIR',
+        help='--out of a `sweep` of that study: its medians take the place of those of the search',
+    )
     add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    found = fronts.save(arguments.directories, arguments.out, '--out')
-    files = [f'fronts  {arguments.out}']
-    show(arguments.format, [fronts.table(found)], fronts.as_data(found), files)
+    given = arguments
+    found = compare(given.directories, given.out, given.effort, given.study, given.sweep, '--out')
+    files = [f'{"fronts" if given.study is None else "study"}  {given.out}']
+    show(given.format, found.parts(), found.as_data(), files)
     return 0

@@ -10,7 +10,6 @@ from typing import Any
 
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.report.palette import RUNS
-from parallel_robot.bags import new_files
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
 from parallel_robot.studies.tuning import picture
@@ -20,6 +19,7 @@ from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits
+from parallel_robot_model.configuration import assignments
 
 FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
 SIZE = (7.0, 4.8)  # inches; higher for more labels
@@ -35,6 +35,7 @@ class Front:
         manifest: What its trials depend on.
         error: Which metric its error is.
         points: Effort and error of its points, by rising error, in their columns' units.
+        trials: Number and gains of the trial of each point.
         chosen: Index of the point that was taken.
         units: Those of the joints.
     """
@@ -43,8 +44,14 @@ class Front:
     manifest: dict[str, Any]
     error: Quantity
     points: tuple[tuple[float, float], ...]
+    trials: tuple[tuple[int, dict[str, Any]], ...]
     chosen: int
     units: JointUnits
+
+    @property
+    def name(self) -> str:
+        """Name of its directory."""
+        return self.directory.resolve().name
 
     @property
     def law(self) -> str:
@@ -81,10 +88,18 @@ def read(directory: Path) -> Front:
         )
         (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)
         points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
+        own = {'trial', 'chosen', effort.column, error.column}
+        trials = tuple(
+            (
+                int(row['trial']),
+                assignments.parse([f'{key}={row[key]}' for key in head if key not in own]),
+            )
+            for row in rows
+        )
         chosen = [row['chosen'] for row in rows].index('1')
     except (KeyError, ValueError, IndexError, TypeError, StopIteration):
         raise InputError(f'{directory / "front.csv"} is not the front of a tuning') from None
-    return Front(directory, manifest, error, points, chosen, units)
+    return Front(directory, manifest, error, points, trials, chosen, units)
 
 
 def check(fronts: Sequence[Front]) -> None:
@@ -100,37 +115,13 @@ def check(fronts: Sequence[Front]) -> None:
                 raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
 
 
-def save(directories: Sequence[Path], out: Path, option: str = 'out') -> list[Front]:
-    """Draw the fronts of some directories into a picture, which must not exist.
-
-    Args:
-        directories: Each the results of a tuning that has ended.
-        out: The picture.
-        option: What it is called in messages.
-
-    Returns:
-        The fronts.
-
-    Raises:
-        InputError: one has no front, they cannot be compared, or the picture cannot be written.
-        RunError: the disk is full.
-    """
-    if out.suffix not in FORMATS:
-        raise InputError(f'{option} must end with {" or ".join(FORMATS)}, not {out.name!r}')
-    new_files.check(out, option)
-    fronts = [read(directory) for directory in directories]
-    check(fronts)
-    new_files.save(out, draw(fronts)[out.suffix.removeprefix('.')])
-    return fronts
-
-
 def table(fronts: Sequence[Front]) -> Table:
     """The points that were taken."""
     quantities = fronts[0].effort, fronts[0].error
     head = ['front', 'law', *(f'{each.name} [{each.unit}]' for each in quantities)]
     rows = [
         [
-            front.directory.name,
+            front.name,
             front.law,
             *(
                 f'{each.scale * value:.4g}'
@@ -146,7 +137,7 @@ def as_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
     """The fronts as plain data."""
     return [
         {
-            'front': front.directory.name,
+            'front': front.name,
             'law': front.law,
             'scenario': front.manifest['scenario'],
             'points': [
@@ -159,8 +150,12 @@ def as_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
     ]
 
 
-def draw(fronts: Sequence[Front]) -> dict[str, bytes]:
+def draw(fronts: Sequence[Front], effort: float | None = None) -> dict[str, bytes]:
     """Draw the fronts; the gains that were taken are stars.
+
+    Args:
+        fronts: The fronts.
+        effort: Where a line marks an effort, in the unit of its column; None: none does.
 
     Returns:
         Suffix to content.
@@ -183,9 +178,11 @@ def draw(fronts: Sequence[Front]) -> dict[str, bytes]:
         panel.plot(efforts[front.chosen], errors[front.chosen], '*', color=line.get_color())
         name = law_label(front.law)
         if laws.count(front.law) > 1:
-            name = label(f'{name} ({front.directory.name})')
+            name = label(f'{name} ({front.name})')
         ends[k] = name, front.law in PAPER, line, (efforts[0], errors[0])
     first = fronts[0]
+    if effort is not None:
+        panel.axvline(first.effort.scale * effort, color='#888888', linewidth=0.8, zorder=0)
     picture.label(panel, str(first.manifest['scenario']), first.effort, first.error)
     name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
     return picture.saved(figure)
