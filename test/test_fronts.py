@@ -68,6 +68,7 @@ def test_what_cannot_be_compared_is_refused(tmp_path):
     [
         ({'table': ''}, 'is not the front of a tuning'),
         ({'table': TABLE.replace('0.9', 'x')}, 'is not the front of a tuning'),
+        ({'table': TABLE.replace('1.0', '{')}, "front.csv Kp: '{' is not a YAML value"),
         ({'format': 'other'}, 'is not that of a tuning'),
         ({'measure of effort': 'noise'}, 'is not the front of a tuning'),
     ],

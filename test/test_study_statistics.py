@@ -4,16 +4,18 @@ import csv
 import io
 import math
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scipy.stats import chi2, norm
 from table_readers import latex_tables
 
 from parallel_robot.studies.sweep import picture, statistics, study, summary
-from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.plan import plan, sample
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS, LawResult, ScenarioResult
 from parallel_robot.studies.sweep.statistics import Duel, Estimate
 
@@ -101,6 +103,35 @@ def test_the_interval_between_sections_covers_the_median_as_often_as_it_says():
         assert found.value == np.median(values)
     assert 0.92 < np.mean(covered) < 0.98
     assert np.mean([one.low <= 1.0 <= one.high for one in by_bootstrap]) < 0.85
+
+
+NUMBERS = 12  # that are uncertain
+LAWS_OF_NUMBERS = {  # functions of uniform numbers, with their medians
+    'a sum': (lambda u: norm.ppf(u) @ np.linspace(3.0, 0.3, NUMBERS), 0.0),
+    'the largest': (lambda u: u.max(axis=1), 0.5 ** (1.0 / NUMBERS)),
+    'a sum of squares': (lambda u: np.sum(norm.ppf(u) ** 2, axis=1), chi2.median(NUMBERS)),
+    'a product': (lambda u: (u[:, 0] - 0.5) * (u[:, 5] - 0.5), 0.0),
+}
+
+
+@pytest.mark.parametrize('name', LAWS_OF_NUMBERS)
+def test_intervals_for_independent_runs_are_not_too_narrow_for_a_sobol_sequence(name):
+    """Its points are spread more evenly; those of several scrambles tell how much."""
+    function, middle = LAWS_OF_NUMBERS[name]
+    found = []
+    for seed in range(100):
+        one = replace(study.parse('scenarios: [paper_circle]\nlaws: [smc]\n'), seed=seed)
+        values = function(np.maximum(sample(one, NUMBERS, 0, 64), 1e-12))
+        [duel] = statistics.duels({'ours': values, 'middle': np.full(64, middle)})
+        eight = function(np.maximum(sample(replace(one, scrambles=8), NUMBERS, 0, 64), 1e-12))
+        estimates = (
+            (statistics.median(values), middle),
+            (duel.probability, 0.5),
+            (statistics.sectioned(eight, np.arange(64) % 8), middle),
+        )
+        found.append([each.low <= true <= each.high for each, true in estimates])
+    by_bootstrap, by_wilson, by_scrambles = np.mean(found, axis=0)
+    assert min(by_bootstrap, by_wilson) >= 0.95 and by_scrambles >= 0.9
 
 
 def test_sections_with_failures():

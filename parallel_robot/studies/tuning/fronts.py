@@ -70,9 +70,9 @@ def read(directory: Path) -> Front:
     Raises:
         InputError: the directory has none.
     """
-    manifest = Store.manifest(directory)
+    manifest, table = Store.manifest(directory), str(directory / 'front.csv')
     try:
-        with (directory / 'front.csv').open(newline='') as file:
+        with open(table, newline='') as file:
             rows = [*csv.DictReader(file)]
     except OSError as missing:
         what = f'{missing.filename}: {missing.strerror}'
@@ -89,16 +89,14 @@ def read(directory: Path) -> Front:
         (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)
         points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
         own = {'trial', 'chosen', effort.column, error.column}
+        gains = [key for key in head if key not in own]
         trials = tuple(
-            (
-                int(row['trial']),
-                assignments.parse([f'{key}={row[key]}' for key in head if key not in own]),
-            )
+            (int(row['trial']), assignments.parse([f'{key}={row[key]}' for key in gains], table))
             for row in rows
         )
         chosen = [row['chosen'] for row in rows].index('1')
     except (KeyError, ValueError, IndexError, TypeError, StopIteration):
-        raise InputError(f'{directory / "front.csv"} is not the front of a tuning') from None
+        raise InputError(f'{table} is not the front of a tuning') from None
     return Front(directory, manifest, error, points, trials, chosen, units)
 
 
