@@ -107,6 +107,10 @@ def test_a_search_counts_once_and_has_a_name_of_its_own(tmp_path):
     chosen = {'effort': 'chattering=0.3', 'study': 'laboratory'}
     with pytest.raises(pr.InputError, match='two tunings are called a; rename'):
         pr.fronts([first, other], tmp_path / 'out.yaml', **chosen)
+    odd = tuning(tmp_path, 'odd: {name}', table=power(5.0), seed=4, uncertainty=3)
+    found = yaml.safe_load(pr.fronts([odd], tmp_path / 'odd.yaml', **chosen).out.read_text())
+    # Of 0.9, 0.41, 0.17 and 0.1 N m: the nearest and the first beyond 0.64 and 1.56 times 0.3.
+    assert sorted(found['laws']) == ['odd: {name}@0', 'odd: {name}@1', 'odd: {name}@2']
     with pytest.raises(pr.InputError, match='--study needs --effort'):
         pr.fronts([first], tmp_path / 'out.yaml', study='laboratory')
     with pytest.raises(pr.InputError, match='laboratory_delta has no scenario paper_circle'):

@@ -38,9 +38,9 @@ def study_of(fronts: Sequence[Front], effort: float, base: str) -> str:
     scenarios = [each for each in judge.scenarios if stem(each) == scenario]
     if not scenarios:
         raise InputError(f'--study: {base} has no scenario {scenario}, that of the tunings')
-    seed, _, uncertain = fronts[0].manifest.get('uncertainty', ('', '', '[]'))
-    if uncertain != '[]' and seed == str(judge.seed):
-        what = f'{base} has the seed {seed} of the searches, which have seen its samples'
+    told = fronts[0].manifest.get('uncertainty')  # seed, method, uncertain parameters
+    if isinstance(told, list) and told[:1] == [str(judge.seed)] and told[-1] != '[]':
+        what = f'{base} has the seed {judge.seed} of the searches, which have seen its samples'
         raise InputError(f'--study: {what}; give one with another seed')
     laws: dict[str, dict[str, object]] = {}
     for front in fronts:
@@ -112,7 +112,9 @@ def _named(front: Front) -> Iterator[tuple[str, int]]:
 
 
 def _around(front: Front, effort: float) -> set[int]:
-    """Indices of the trials that a study has."""
+    """Indices of the trials that a study has: some enclose the effort on other robots, too."""
+    shares = np.array([spent / effort for spent, _ in front.points])  # falling
+    above, below = np.flatnonzero(shares >= STEPS[-1]), np.flatnonzero(shares <= STEPS[0])
     with np.errstate(divide='ignore'):
-        logs = np.log([spent / effort for spent, _ in front.points])
-    return {front.chosen, *(int(np.argmin(np.abs(logs - math.log(step)))) for step in STEPS)}
+        near = [int(np.argmin(np.abs(np.log(shares / step)))) for step in STEPS]
+    return {front.chosen, *near, *above[-1:].tolist(), *below[:1].tolist()}
