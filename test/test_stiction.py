@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_compliance import H, axes, course
+from test_compliance import FREE, H, axes, course
 from vectors import on_vectors
 
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.robots import friction
+from parallel_robot_model.robots.configuration import resolve
 from parallel_robot_model.robots.friction import FrictionParameters
 
 INERTIA = np.array([0.03, 0.05])
@@ -42,6 +43,20 @@ def test_a_joint_gives_way_before_it_slides_by_its_closed_form(torque):
     expected = -COULOMB / STIFFNESS * np.log(1.0 - abs(torque) / COULOMB) * np.sign(torque)
     assert np.abs(rates[-1]).max() < 1e-8
     assert joints[-1] == pytest.approx(expected, rel=1e-3)
+
+
+def test_the_motors_of_a_described_machine_stick_by_the_same_closed_form():
+    """The base of the five-bar lies flat, so that its weight loads no motor."""
+    dry, stiff, torque = 0.05, 50.0, np.array([0.02, -0.03])
+    sticks = {
+        'friction.coulomb': dry, 'friction.stribeck': 0.0, 'stiction.stiffness': stiff,
+        'stiction.damping': 1.0,
+    }  # fmt: skip
+    rise = np.minimum(np.arange(3000) / 2000, 1.0)[:, np.newaxis]
+    joints, rates, *_ = course(resolve('five_bar_circle', FREE | sticks), rise * torque)
+    expected = -dry / stiff * np.log(1.0 - np.abs(torque) / dry) * np.sign(torque)
+    assert np.abs(rates[-1]).max() < 1e-8
+    assert joints[-1] - joints[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_joint_that_sticks_holds_its_load():
