@@ -32,7 +32,7 @@ class Reached(NamedTuple):
 
 
 def error_at(front: Front, effort: float) -> float:
-    """The error of a front at an effort, on the line between the two points that enclose it.
+    """The error of a front at an effort, on the line between the two nearest points about it.
 
     Logarithms are interpolated, as error goes with a power of effort; nothing is extrapolated.
 

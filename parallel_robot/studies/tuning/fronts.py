@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.report.palette import RUNS
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
@@ -163,8 +165,9 @@ def draw(fronts: Sequence[Front], effort: float | None = None) -> dict[str, byte
     laws = [each.law for each in fronts]
     ends = {}
     for k, front in enumerate(fronts):
-        efforts = [front.effort.scale * effort for effort, _ in front.points]
-        errors = [front.error.scale * error for _, error in front.points]
+        scales = front.effort.scale, front.error.scale
+        figures = np.array(front.points) * scales
+        efforts, errors = figures[np.argsort(-figures[:, 0], kind='stable')].T
         dash = RUNS[(k + k // len(RUNS)) % len(RUNS)].dash
         (line,) = panel.plot(
             efforts,
@@ -173,7 +176,7 @@ def draw(fronts: Sequence[Front], effort: float | None = None) -> dict[str, byte
             linestyle=(0, dash) if dash else 'solid',
             linewidth=2.2 if front.law in PAPER else 0.9,
         )
-        panel.plot(efforts[front.chosen], errors[front.chosen], '*', color=line.get_color())
+        panel.plot(*figures[front.chosen], '*', color=line.get_color())
         name = law_label(front.law)
         if laws.count(front.law) > 1:
             name = label(f'{name} ({front.name})')
