@@ -6,7 +6,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, cast
@@ -63,6 +63,7 @@ class BagWriter:
         self._path = new_files.create_directory(directory) / f'{self.directory.name}_0.mcap'
         self._file = RecordFile(self._path)
         self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
+        vars(self._writer)['_Writer__chunk_indices'] = _PackedIndices()
         self._writer.start('ros2', 'parallel_robot')
         if metadata:
             self._writer.add_metadata(METADATA, self._metadata)
@@ -73,7 +74,6 @@ class BagWriter:
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
         self._ids: dict[str, int] = {}  # numbers of channels by topic name
-        self._packed = 0  # how many indices of chunks are packed
         for topic in topics:
             self.add(channel_of(topic))
 
@@ -134,7 +134,6 @@ class BagWriter:
             self._last = max(self._last, last)
             if self._caught:
                 self._raise_signals()
-        self._pack()
 
     @property
     def size(self) -> int:
@@ -166,14 +165,6 @@ class BagWriter:
         """
         if time.monotonic() - self._file.written_at >= age:
             self._writer.flush()
-        self._pack()
-
-    def _pack(self) -> None:
-        """Pack the indices of finished chunks."""
-        indices = vars(self._writer).get('_Writer__chunk_indices', [])  # kept until the end
-        for k in range(self._packed, len(indices)):
-            indices[k] = _PackedIndex(indices[k])
-        self._packed = len(indices)
 
     def close(self) -> None:
         """Complete the bag, or leave it as it was when the disk became full.
@@ -266,19 +257,26 @@ class BagWriter:
             raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
 
 
-class _PackedIndex:
-    """Serialised index of a chunk: all are kept, and this takes a quarter of the memory."""
+class _PackedIndices:
+    """Indices of all chunks, which the summary at the end repeats: their records alone."""
 
-    __slots__ = ('_data',)
+    def __init__(self) -> None:
+        self._records = bytearray()
 
-    def __init__(self, index: ChunkIndex) -> None:
+    def append(self, index: ChunkIndex) -> None:
+        """Take the index of a chunk."""
         builder = RecordBuilder()
         index.write(builder)
-        self._data = builder.end()
+        self._records += builder.end()
+
+    def __iter__(self) -> Iterator[_PackedIndices]:
+        """As mcap's writer goes through them: all at once."""
+        yield self
 
     def write(self, builder: RecordBuilder) -> None:
-        """Append the index to a record builder, as mcap's own class does."""
-        builder.write(self._data)
+        """Append the records to a record builder, and give them up."""
+        builder.write(self._records)
+        self._records = bytearray()
 
 
 # Written in C where that is installed: ten times faster.
