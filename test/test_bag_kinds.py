@@ -23,12 +23,12 @@ REST = np.tile([1.454, 2.418, 1.983], (300, 1)) + 1e-3 * np.arange(300)[:, None]
 FOUND = streams(REST + 1e-4, REST)
 
 
-def write_sqlite(directory, compression=None):
+def write_sqlite(directory, compression=None, found=FOUND):
     writer = Writer(directory, version=9, storage_plugin=StoragePlugin.SQLITE3)
     if compression:
         writer.set_compression(CompressionMode[compression], CompressionFormat.ZSTD)
     with writer:
-        for topic, messages in FOUND.items():
+        for topic, messages in found.items():
             connection = writer.add_connection(f'/{topic.name}', topic.type, typestore=STORE)
             for log_time, data in messages:
                 writer.write(connection, log_time, data)

@@ -204,7 +204,7 @@ def test_windows_of_a_bag_without_its_end_are_the_whole_of_it(name, good, tmp_pa
     windows = [window.log for window in recording.chunks(tmp_path / 'bag', 0.013)]
     damaged = pytest.raises(BagError, match='cut off')
     with damaged if name in ('twice', 'flipped') else nullcontext():
-        assert BagReader(tmp_path / 'bag', unclosed=True).counts['/joint_states'] == len(
+        assert BagReader(tmp_path / 'bag', make_index=True).counts['/joint_states'] == len(
             whole.time
         )
     for values in ('stamps', 'time', 'position', 'effort', 'answer'):

@@ -1,13 +1,18 @@
 """The piecewise reader beside that of mcap."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from bags import content, write_foreign
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
 from parallel_robot.bags import mcap_records
 from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.chunk_table import Chunk, Chunks, ChunkTable
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import layouts, topics
@@ -141,3 +146,50 @@ def test_a_broken_chunk_is_an_error_of_the_bag(tmp_path):
     path.write_bytes(broken)
     with pytest.raises(BagError, match='cannot be read'):
         list(BagReader(path).messages(['/a', '/b'], 0))
+
+
+def test_the_index_of_a_bag_of_hours_takes_little_memory(tmp_path):
+    found = []
+    for count in (500, 2500):
+        path = tmp_path / f'{count}.mcap'
+        write(path, range(50 * count))
+        tracemalloc.start()
+        try:
+            reader = BagReader(path)
+            found.append((len(reader._chunks), *tracemalloc.get_traced_memory()))
+        finally:
+            tracemalloc.stop()
+    (few, *small), (many, *large) = found
+    assert many > few + 500
+    held, peak = (np.array(large) - small) / (many - few)
+    assert held < 60 and peak < 250  # bytes a chunk; as objects of mcap they have 1200
+
+
+def test_where_chunks_lie_is_what_mcap_reads(tmp_path):
+    write(tmp_path / 'bag.mcap', range(3000))
+    with (tmp_path / 'bag.mcap').open('rb') as stream:
+        indexes = make_reader(stream).get_summary().chunk_indexes
+    chunks = BagReader(tmp_path / 'bag.mcap')._chunks
+    assert len(chunks) == len(indexes) > 10
+    for chunk, index in zip(chunks, indexes, strict=True):
+        times = index.message_start_time, index.message_end_time
+        assert chunk[:4] == (*times, index.chunk_start_offset, index.chunk_length)
+        assert chunk.channels == tuple(index.message_index_offsets)
+    assert [*reversed(chunks)] == [*chunks][::-1]
+
+
+def test_a_broken_index_of_a_chunk_is_left_out(tmp_path):
+    index = ChunkIndex(100, 8, 'zstd', 60, 20, 30, {1: 5, 7: 6}, 10, 90)
+    builder = RecordBuilder()
+    index.write(builder)
+    record = builder.end()
+    table = ChunkTable()
+    for end in range(len(record)):
+        table.add_index(memoryview(record[:end]))
+    twice = bytearray(record)
+    twice[55:57] = twice[45:47]  # both channels are one
+    table.add_index(memoryview(twice))
+    assert not len(table)
+    for each in (record, record + b'of a later version'):
+        table.add_index(memoryview(each))
+    assert [*Chunks([table])] == [Chunk(10, 20, 8, 100, (1, 7))]

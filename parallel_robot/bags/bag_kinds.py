@@ -5,9 +5,11 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from parallel_robot.bags import mcap_records, sqlite_records
 from parallel_robot.bags.bag_files import File
+from parallel_robot.bags.chunk_table import ChunkTable
 from parallel_robot.bags.mcap_records import Record
 from parallel_robot_model.common.errors import BagError
 
@@ -32,15 +34,38 @@ def records(path: Path, file: File, skipped: Collection[int] = ()) -> Iterator[R
     Args:
         path: Its path, for what is beside it, and for error messages.
         file: Its content.
-        skipped: Where chunks of MCAP begin that are not wanted.
+        skipped: Where chunks begin that are not wanted.
 
     Raises:
         BagError: it is of a kind that is not read, it cannot be read, or takes too much.
     """
-    if file.data[: len(SQLITE)] == SQLITE:
-        return sqlite_records.scan(path, file)
+    if is_sqlite(file):
+        return sqlite_records.scan(path, file, skipped)
     check(path, file)
     return mcap_records.scan(*file, skipped)
+
+
+def is_sqlite(file: File) -> bool:
+    """Whether a file is one of sqlite3."""
+    return file.data[: len(SQLITE)] == SQLITE
+
+
+def index(path: Path, file: File) -> tuple[list[Any], ChunkTable] | None:
+    """What the summary of a file without one would hold; None where more is wrong with it.
+
+    Args:
+        path: Its path, for what is beside it, and for error messages.
+        file: Its content.
+
+    Raises:
+        BagError: it takes too much.
+    """
+    chunks = ChunkTable()
+    if is_sqlite(file):
+        found = sqlite_records.index(path, file, chunks)
+    else:
+        found = mcap_records.index(*file, chunks)
+    return None if found is None else (found, chunks)
 
 
 def check(path: Path, file: File) -> None:

@@ -7,20 +7,22 @@ import functools
 import itertools
 import re
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Schema, Statistics
+import numpy as np
+from mcap.records import Channel, Schema, Statistics
 
 from parallel_robot.bags import bag_kinds, mcap_records
 from parallel_robot.bags.bag_files import File, files, open_file, release
 from parallel_robot.bags.bag_reader import LARGE, Messages, join, messages_of
+from parallel_robot.bags.chunk_table import Chunk, Chunks, ChunkTable
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.mcap_block import Block
 from parallel_robot.bags.mcap_records import Damage
 from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
+from parallel_robot.bags.sqlite_records import JOURNAL, SqliteFile
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
 from parallel_robot_model.configuration import plain_data
@@ -31,7 +33,6 @@ TOPIC = re.compile(r'(/[A-Za-z_]\w*)+', re.ASCII)  # what ROS allows
 TYPE = re.compile(r'[A-Za-z]\w*/(\w+/)?\w+', re.ASCII)
 LAST = 1 << 61  # ns, largest log time that is accepted
 HELP = 'parallel_robot recover makes a whole bag of it'
-INDEX = mcap_records.SUMMARISED | {Opcode.CHUNK_INDEX: ChunkIndex}
 
 
 class RecordedTopic(NamedTuple):
@@ -56,19 +57,6 @@ class RecordedMessage(NamedTuple):
     data: bytes
 
 
-class _Chunk(NamedTuple):
-    """Where a chunk lies; chunks sort by their first log time [ns]."""
-
-    first: int
-    rank: int  # place in the order of files and offsets
-    last: int
-    path: Path
-    data: memoryview
-    offset: int
-    length: int
-    channels: dict[int, str]  # id to topic
-
-
 class BagReader:
     """An open bag; holds a few chunks in memory, whatever its size.
 
@@ -80,13 +68,14 @@ class BagReader:
         damage: What :meth:`arrays` left out.
     """
 
-    def __init__(self, bag: str | Path, memory: int = MEMORY, unclosed: bool = False) -> None:
+    def __init__(self, bag: str | Path, memory: int = MEMORY, make_index: bool = False) -> None:
         """Read the index.
 
         Args:
             bag: Directory of the bag, or its MCAP file.
             memory: What may be held of it at once [bytes].
-            unclosed: Whether one that was not closed is walked through for its index.
+            make_index: Whether one without an index is walked through for it: one that was not
+                closed, or of sqlite3, for :meth:`arrays` alone.
 
         Raises:
             BagError: not a bag, or one without index.
@@ -96,18 +85,24 @@ class BagReader:
         self._bag = Path(bag)
         self._memory = memory
         self._size = 0
-        self._unclosed = unclosed
-        self._walked: set[Path] = set()  # files without an index of their own
+        self._make_index = make_index
+        self._walked: set[int] = set()  # files without an index of their own
         self.damage: list[Damage] = []
-        self._names: dict[Path, dict[int, str]] = {}  # of topics, by number of channel
-        chunks: list[_Chunk] = []
-        for path in files(self._bag):
+        self._paths = files(self._bag)
+        self._names: list[dict[int, str]] = []  # of topics, by number of channel, of each file
+        self._data: list[memoryview] = []
+        self._sqlite: list[SqliteFile | None] = []
+        tables: list[ChunkTable] = []
+        for path in self._paths:
             file = open_file(path, memory)
             self._size += len(file.data)
-            chunks += self._index(path, file, len(chunks))
-        self._chunks = sorted(chunks)  # by time and rank, which is unique
-        self.start = min((chunk.first for chunk in chunks), default=0)
-        self.end = max((chunk.last for chunk in chunks), default=0)
+            tables.append(self._index(path, file))
+            self._data.append(file.data)
+            sqlite = make_index and bag_kinds.is_sqlite(file)
+            self._sqlite.append(SqliteFile(path, file) if sqlite else None)
+        self._chunks = Chunks(tables)
+        self.start = self._chunks[0].first if len(self._chunks) else 0
+        self.end = int(self._chunks.last.max(initial=0))
 
     def messages(
         self, topics: Collection[str], start: int, end: int | None = None
@@ -135,10 +130,10 @@ class BagReader:
             if sum(held.values()) > self._memory // COPIES:
                 raise BagError(f'{self._bag}: too many chunks are of the same time')
             pending += (
-                item for item in _scan(chunk, topics, allowance) if start <= item[0] <= end
+                item for item in self._scan(chunk, topics, allowance) if start <= item[0] <= end
             )
             pending.sort()
-            release(chunk.data)
+            release(self._data[chunk.file])
         yield from map(_message, pending)
 
     def arrays(
@@ -158,25 +153,28 @@ class BagReader:
             BagError: it takes too much.
         """
         allowance = Allowance(self._bag, self._size, self._memory)
-        chunks = [chunk for chunk in self._chunks if chunk.last >= start]
+        places = np.flatnonzero(self._chunks.last >= start)
         blocks: list[Block] = []
-        for chunk, after in itertools.zip_longest(chunks, chunks[1:]):
-            block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
-            if block is None:
-                self.damage.append(Damage('chunk', chunk.length))
-            else:
-                blocks.append(block)
-            large = sum(len(block.data) for block in blocks) > LARGE
-            if after is None or after.path != chunk.path or large:
-                wanted = {
-                    key: (name, topics[name])
-                    for key, name in self._names[chunk.path].items()
-                    if name in topics
-                }
-                found = messages_of(join(blocks), wanted, allowance) if blocks else ()
-                yield [(wanted[key][0], part) for key, part in found], after and after.first
+        for place, next_place in itertools.zip_longest(places, places[1:]):
+            chunk, large = self._chunks[int(place)], False
+            after = None if next_place is None else self._chunks[int(next_place)]
+            wanted = {
+                key: (name, topics[name])
+                for key, name in self._names[chunk.file].items()
+                if name in topics
+            }
+            for block in self._blocks(chunk, wanted, allowance):
+                if isinstance(block, Damage):
+                    self.damage.append(block)
+                else:
+                    blocks.append(block)
+                if sum(len(block.data) for block in blocks) > LARGE:
+                    yield _named(blocks, wanted, allowance), chunk.first
+                    blocks, large = [], True
+            if after is None or after.file != chunk.file or large:
+                yield _named(blocks, wanted, allowance), after and after.first
                 blocks = []
-                release(chunk.data)
+                release(self._data[chunk.file])
 
     def without(self, topics: Collection[str]) -> dict[Path, set[int]]:
         """Where chunks begin that hold none of some topics, by file.
@@ -185,8 +183,8 @@ class BagReader:
         """
         found: dict[Path, set[int]] = {}
         for chunk in self._chunks:
-            if chunk.path not in self._walked and not {*topics} & {*chunk.channels.values()}:
-                found.setdefault(chunk.path, set()).add(chunk.offset)
+            if chunk.file not in self._walked and not self._wanted(chunk, topics):
+                found.setdefault(self._paths[chunk.file], set()).add(chunk.offset)
         return found
 
     def latched(self, topics: Collection[str], before: int) -> list[RecordedMessage]:
@@ -199,9 +197,9 @@ class BagReader:
         wanted = {name: self.topics[name].latched for name in topics if self.topics[name].latched}
         found: list[tuple[Any, ...]] = []
         for chunk in reversed(self._chunks):
-            if chunk.first >= before or not wanted.keys() & chunk.channels.values():
+            if chunk.first >= before or not self._wanted(chunk, wanted):
                 continue
-            for item in sorted(_scan(chunk, wanted, allowance), reverse=True):
+            for item in sorted(self._scan(chunk, wanted, allowance), reverse=True):
                 if item[0] < before and wanted.get(item[3]):
                     wanted[item[3]] -= 1
                     found.append(item)
@@ -210,29 +208,63 @@ class BagReader:
 
     def close(self) -> None:
         """Release the files."""
-        self._chunks = []
+        self._chunks, self._data = Chunks([]), []
+        for sqlite in filter(None, self._sqlite):
+            sqlite.close()
 
-    def _index(self, path: Path, file: File, rank: int) -> list[_Chunk]:
+    def _wanted(self, chunk: Chunk, topics: Collection[str]) -> list[int]:
+        """Numbers of the channels of a chunk that are of some topics."""
+        names = self._names[chunk.file]
+        return [key for key in chunk.channels or names if names.get(key) in topics]
+
+    def _blocks(
+        self, chunk: Chunk, wanted: Collection[int], allowance: Allowance
+    ) -> Iterator[Block | Damage]:
+        """Messages of a chunk, at least those of some channels, by their numbers."""
+        sqlite = self._sqlite[chunk.file]
+        if sqlite is not None:
+            yield from sqlite.blocks(chunk, wanted, allowance)
+            return
+        block = mcap_records.messages_at(self._data[chunk.file], chunk.offset, allowance)
+        yield Damage('chunk', chunk.length) if block is None else block
+
+    def _scan(
+        self, chunk: Chunk, topics: Collection[str], allowance: Allowance
+    ) -> Iterator[tuple[Any, ...]]:
+        """Messages of a chunk: log time, place, offset, topic, bytes of the chunk, end."""
+        block = mcap_records.messages_at(self._data[chunk.file], chunk.offset, allowance)
+        if block is None:
+            path = printable(self._paths[chunk.file], MAX_LINE_LENGTH)
+            raise BagError(f'{path} cannot be read: a chunk is broken')
+        content, names = bytes(block.data), self._names[chunk.file]
+        place = chunk.file, chunk.offset
+        for channel, _, log_time, _, begin, end in block.rows(self._wanted(chunk, topics)):
+            yield log_time, place, begin, names[channel], content, end
+
+    def _index(self, path: Path, file: File) -> ChunkTable:
         name = printable(path, MAX_LINE_LENGTH)
-        bag_kinds.check(path, file)
-        end, records = mcap_records.summarised(*file, INDEX)
-        if end is None and self._unclosed:
+        sqlite = bag_kinds.is_sqlite(file)
+        if not (sqlite and self._make_index):
+            bag_kinds.check(path, file)
+        chunks = ChunkTable()
+        end, records = (None, []) if sqlite else mcap_records.summarised(*file, chunks)
+        if end is None and self._make_index:
             walked = _index_of(path, self._memory)
             if walked is not None:
-                end, records = len(file.data), walked
-                self._walked.add(path)
+                end, (records, chunks) = len(file.data), walked
+                if not sqlite:
+                    self._walked.add(len(self._names))
         if end is None:
             raise BagError(f'{name} cannot be read: it is no MCAP file, or was cut off; {HELP}')
         statistics = next((r for r in records if isinstance(r, Statistics)), None)
-        indexes = {r.chunk_start_offset: r for r in records if isinstance(r, ChunkIndex)}
         if statistics is None:
             raise BagError(f'{name} has no index: its recording was cut off; {HELP}')
-        if statistics.message_count and not indexes:
+        if statistics.message_count and not len(chunks):
             raise BagError(f'{name} has no index: it was written without chunks; {HELP}')
-        if max((index.message_end_time for index in indexes.values()), default=0) > LAST:
+        if int(chunks.numbers()[:, 1].max(initial=0)) > LAST:
             raise BagError(f'{name} has log times that no clock can have')
         schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
-        topic_of = self._names.setdefault(path, {})
+        topic_of: dict[int, str] = {}
         for channel in (r for r in records if isinstance(r, Channel)):
             type_name = schemas.get(channel.schema_id, '')
             known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(channel.topic)
@@ -242,57 +274,36 @@ class BagReader:
             latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
             self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
             self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
-        alike: dict[tuple[int, ...], dict[int, str]] = {}  # of many chunks, once
-
-        def topics(index: ChunkIndex) -> dict[int, str]:
-            there = tuple(index.message_index_offsets or topic_of)
-            if there not in alike:
-                alike[there] = {key: topic_of[key] for key in there if key in topic_of}
-            return alike[there]
-
-        return [
-            _Chunk(
-                index.message_start_time,
-                rank + k,
-                index.message_end_time,
-                path,
-                file.data,
-                offset,
-                index.chunk_length,
-                topics(index),
-            )
-            for k, (offset, index) in enumerate(sorted(indexes.items()))
-        ]
+        self._names.append(topic_of)
+        return chunks
 
 
-def _index_of(path: Path, memory: int) -> list[Any] | None:
-    """Index of a file that was not closed, see :func:`mcap_records.index`."""
+def _index_of(path: Path, memory: int) -> tuple[list[Any], ChunkTable] | None:
+    """Index of a file without one, see :func:`bag_kinds.index`."""
     try:
-        state = path.stat()
+        states = [path.stat()]
+        journal = path.with_name(path.name + JOURNAL)
+        states += [journal.stat()] if journal.is_file() else []
     except OSError as error:
         raise BagError(f'{path} cannot be read: {error.strerror}') from None
-    return _walked(path, (state.st_ino, state.st_size, state.st_mtime_ns), memory)
+    state = tuple((each.st_ino, each.st_size, each.st_mtime_ns) for each in states)
+    return _walked(path, state, memory)
 
 
 @functools.lru_cache(maxsize=4)
-def _walked(path: Path, _state: tuple[int, ...], memory: int) -> list[Any] | None:
+def _walked(
+    path: Path, _state: tuple[tuple[int, ...], ...], memory: int
+) -> tuple[list[Any], ChunkTable] | None:
     """The same; while the file stays as it is, it is walked through once."""
-    return mcap_records.index(*open_file(path, memory))
+    return bag_kinds.index(path, open_file(path, memory))
 
 
-def _scan(
-    chunk: _Chunk, topics: Collection[str], allowance: Allowance
-) -> Iterator[tuple[Any, ...]]:
-    """Messages of a chunk: log time, rank, offset, topic, bytes of the chunk, end."""
-    block = mcap_records.messages_at(chunk.data, chunk.offset, allowance)
-    if block is None:
-        raise BagError(
-            f'{printable(chunk.path, MAX_LINE_LENGTH)} cannot be read: a chunk is broken'
-        )
-    content = bytes(block.data)
-    wanted = [key for key, topic in chunk.channels.items() if topic in topics]
-    for channel, _, log_time, _, begin, end in block.rows(wanted):
-        yield log_time, chunk.rank, begin, chunk.channels[channel], content, end
+def _named(
+    blocks: Sequence[Block], wanted: Mapping[int, tuple[str, Topic]], allowance: Allowance
+) -> list[tuple[str, Messages]]:
+    """Messages of some blocks by the names of their topics."""
+    found = messages_of(join(blocks), wanted, allowance) if blocks else ()
+    return [(wanted[key][0], part) for key, part in found]
 
 
 def _message(item: tuple[Any, ...]) -> RecordedMessage:

@@ -12,9 +12,10 @@ from zlib import crc32
 import numpy as np
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, ChunkIndex, Header, Metadata, Schema, Statistics
+from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
 from parallel_robot.bags.bag_files import release
+from parallel_robot.bags.chunk_table import ChunkTable
 from parallel_robot.bags.limits import ATTACHMENT, CHUNK_INDEX, DESCRIPTION, Allowance
 from parallel_robot.bags.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
 from parallel_robot.bags.mcap_chunk import (
@@ -134,14 +135,14 @@ def scan(
 
 
 def summarised(
-    data: memoryview, allowance: Allowance, kinds: Mapping[int, Any] = SUMMARISED
+    data: memoryview, allowance: Allowance, chunks: ChunkTable | None = None
 ) -> tuple[int | None, list[Any]]:
     """Where the summary begins and what it repeats; None when the file has no sound end.
 
     Args:
         data: The file.
         allowance: Budget for reading it.
-        kinds: Records that are wanted.
+        chunks: Takes what it says of the chunks; None: that is not wanted.
 
     Raises:
         BagError: it takes more.
@@ -159,15 +160,18 @@ def summarised(
         np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD
     )
     opcodes = np.frombuffer(data, np.uint8)[starts]
-    wanted = starts[np.isin(opcodes, list(kinds))].tolist()
-    chunks = int((opcodes == Opcode.CHUNK_INDEX).sum()) if Opcode.CHUNK_INDEX in kinds else 0
-    allowance.describe(len(wanted) - chunks)
-    allowance.hold(CHUNK_INDEX * chunks)  # a long bag has many
-    records = [_parsed(_record(data, start), kinds) for start in wanted]
+    wanted = starts[np.isin(opcodes, list(SUMMARISED))].tolist()
+    allowance.describe(len(wanted))
+    if chunks is not None:
+        for start in starts[opcodes == Opcode.CHUNK_INDEX].tolist():
+            record = _record(data, start)
+            allowance.hold(len(record))
+            chunks.add_index(record)
+    records = [_parsed(_record(data, start), SUMMARISED) for start in wanted]
     return begin, [record for record in records if record is not None]
 
 
-def index(data: memoryview, allowance: Allowance) -> list[Any] | None:
+def index(data: memoryview, allowance: Allowance, chunks: ChunkTable) -> list[Any] | None:
     """What the summary of a file would hold that was not closed; None where more is wrong with it.
 
     Its last record may be cut off. Messages outside chunks are not indexed.
@@ -175,13 +179,13 @@ def index(data: memoryview, allowance: Allowance) -> list[Any] | None:
     Args:
         data: The file.
         allowance: Budget for reading it.
+        chunks: Takes where its chunks lie.
 
     Raises:
         BagError: it takes more.
     """
     if data[: len(MAGIC)] != MAGIC:
         return None
-    chunks: list[ChunkIndex] = []
     described: dict[tuple[type, int], Any] = {}  # by kind and number: many chunks repeat them
     known, counts = np.zeros(1 << 16, bool), np.zeros(1 << 16, np.int64)
     offset = held = len(MAGIC)
@@ -207,8 +211,7 @@ def index(data: memoryview, allowance: Allowance) -> list[Any] | None:
                 counts += np.bincount(heads['channel'], minlength=len(counts))
                 times = int(heads['log_time'].min()), int(heads['log_time'].max())
                 allowance.hold(CHUNK_INDEX)
-                indexed = ChunkIndex(end - offset, offset, '', 0, times[1], 0, {}, times[0], 0)
-                chunks.append(indexed)
+                chunks.add(*times, offset, end - offset)
         elif data[offset] in (Opcode.SCHEMA, Opcode.CHANNEL):
             allowance.describe()
             parsed = _parsed(record)
@@ -220,7 +223,7 @@ def index(data: memoryview, allowance: Allowance) -> list[Any] | None:
             held = offset
     by_channel = {int(k): int(counts[k]) for k in np.flatnonzero(counts)}
     counted = Statistics(0, 0, by_channel, 0, int(counts.sum()), 0, 0, 0, 0)
-    return [*described.values(), *chunks, counted]
+    return [*described.values(), counted]
 
 
 def messages_at(data: memoryview, offset: int, allowance: Allowance) -> Block | None:

@@ -130,8 +130,8 @@ def chunks(
     """Read a bag of any length in windows, one after the other, each message in one of them.
 
     All of them together have the states, answers and counts of :func:`read`; only what a broken
-    file lacks may be counted otherwise. A bag of sqlite3, or one that is damaged elsewhere than at
-    its end, is read at once.
+    file lacks may be counted otherwise. A bag that is damaged elsewhere than at its end is read
+    at once.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
@@ -158,7 +158,7 @@ def size(bag: str | Path, view: BagView = AS_RECORDED) -> tuple[float, int]:
         view: What it does not say itself.
     """
     try:
-        reader = BagReader(bag, unclosed=True)
+        reader = BagReader(bag, make_index=True)
     except BagError:
         return 0.0, 0
     kinds = {name: topic.type for name, topic in reader.topics.items()}
@@ -347,7 +347,7 @@ class _Source:
     def _indexed(self) -> BagReader | None:
         """The bag by its index; None where that does not lead to all of a run."""
         try:
-            reader = BagReader(self._bag, self._memory, unclosed=True)
+            reader = BagReader(self._bag, self._memory, make_index=True)
         except BagError:
             return None
         kinds = {name: topic.type for name, topic in reader.topics.items()}
