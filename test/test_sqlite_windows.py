@@ -90,6 +90,27 @@ def test_a_row_that_is_none_costs_a_reading_as_a_whole(change, recorded):
     assert recording.size(recorded) == (0.0, 0)
 
 
+@pytest.mark.parametrize(
+    'statement',
+    [
+        "ALTER TABLE messages ADD COLUMN rowid TEXT DEFAULT 'x'",
+        'ALTER TABLE messages ADD COLUMN rowid REAL DEFAULT 1.5',
+        'DELETE FROM topics WHERE id > 1',
+        'ALTER TABLE topics RENAME COLUMN id TO number',
+        'DELETE FROM messages',
+    ],
+)
+def test_a_strange_table_is_read_as_without_an_index(statement, recorded):
+    changed(recorded, statement)
+    told = []
+    for read in (recording.read, lambda path: next(recording.chunks(path, WIDTH))):
+        try:
+            told.append(read(recorded).log.warnings)
+        except BagError as error:
+            told.append(str(error))
+    assert told[0] == told[1]
+
+
 def test_memory_is_that_of_a_window(recorded):
     size = recorded.stat().st_size
     with pytest.raises(BagError, match='takes more than'):

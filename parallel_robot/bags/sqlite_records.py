@@ -99,7 +99,7 @@ def index(
                 begin, last = min(begins), max(ends)
                 chunks.add(min(first), max(newest), begin, last - begin, topics)
                 counts.update(dict(zip(topics, numbers, strict=True)))
-        except (sqlite3.Error, KeyError, OverflowError):
+        except (sqlite3.Error, KeyError, OverflowError, TypeError):
             return None
     return [*described, Statistics(0, 0, dict(counts), 0, counts.total(), 0, 0, 0, 0)]
 
