@@ -1,6 +1,7 @@
 """The command ``calibrate``, and its function for Python."""
 
 import json
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -187,6 +188,27 @@ def test_of_a_long_bag_the_states_near_the_poses_suffice(case, tmp_path, monkeyp
     assert 'the clock of the tracker is off by more than 0.0' in doubt
 
 
+@pytest.mark.parametrize('kind', ['file', 'topic'])
+def test_of_many_poses_some_are_kept_evenly(kind, case, tmp_path, monkeypatch):
+    """Of a long bag while they are read; of a short one all are, and those in its time count."""
+    most, table = 40, case.table
+    file = tracker(tmp_path / 'poses.csv', 't,x,y,phi', table[::-1])
+    bag = recorded(case, tmp_path / 'bag', 'geometry_msgs/msg/PoseStamped', 'tracker')
+    words = {'file': {'bag': case.bag, 'poses': file}, 'topic': {'bag': bag}}[kind]
+    monkeypatch.setattr(bag_calibration, 'MOST', most)
+    short = pr.calibrate(**words)
+    for module in (near_states, bag_calibration):
+        monkeypatch.setattr(module, 'KEPT', len(case.states) - 1)
+    long = pr.calibrate(**words)
+    rows = np.linspace(0, len(table) - 1, most).astype(int)
+    assert len(table) > most
+    for found in (short, long):
+        np.testing.assert_allclose(found.model.measured.time, table[rows, 0], atol=1e-8)
+        np.testing.assert_allclose(found.model.measured.pose, table[rows, 1:], atol=1e-8)
+        what = f'{file if kind == "file" else bag}: of {len(table)} poses, {most} are used'
+        assert any(what in line for line in found.warnings)
+
+
 def start_of(case):
     """Stamp of t = 0 of its bag [ns]."""
     _, data = case.states[0]
@@ -270,6 +292,27 @@ def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path
     write_foreign(tmp_path / 'broken', streams)
     with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
         pr.calibrate(tmp_path / 'broken')
+
+
+@pytest.mark.parametrize('kind', [*KINDS])
+def test_either_order_of_bytes_is_read(case, tmp_path, kind, monkeypatch):
+    other, serialize = tmp_path / 'other', STORE.serialize_cdr
+    wanted = pose_topics.read(recorded(case, tmp_path / 'bag', kind, 'tracker'))
+    with monkeypatch.context() as patched:
+        big = partial(serialize, little_endian=False)
+        patched.setattr(STORE, 'serialize_cdr', big)
+        recorded(case, other, kind, 'tracker')
+    found = pose_topics.read(other)
+    assert all(map(np.array_equal, found, wanted))
+
+
+@pytest.mark.parametrize('length', [1, 3, 11, 40])
+def test_a_message_that_is_too_short_is_called_broken(length, case, tmp_path):
+    cut = [(10**9, bytes([0, 1, *bytes(length)][:length]))]
+    streams = {JOINT_STATES: case.states, Topic('tracker', 'geometry_msgs/msg/PoseStamped'): cut}
+    write_foreign(tmp_path / 'bag', streams)
+    with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
+        pose_topics.read(tmp_path / 'bag')
 
 
 def test_one_topic_of_poses_is_chosen(case, whole, tmp_path, capsys):

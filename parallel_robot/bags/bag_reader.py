@@ -15,7 +15,14 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from parallel_robot.bags import bag_kinds, custom_sources, planned_motion
 from parallel_robot.bags.bag_files import custom_data, files, open_file
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.limits import CHANNELS, LENGTHS, MEMORY, SOURCE, SOURCES, Allowance
+from parallel_robot.bags.limits import (
+    CHANNELS,
+    LENGTHS,
+    MEMORY,
+    SOURCE,
+    SOURCES,
+    Allowance,
+)
 from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
 from parallel_robot.bags.mcap_records import UNPACKED_BY, Damage, Record
@@ -61,6 +68,7 @@ def read(
     memory: int = MEMORY,
     view: BagView = AS_RECORDED,
     skipped: Mapping[Path, Collection[int]] = MappingProxyType({}),
+    held: bool = True,
 ) -> Bag[Part]:
     """Read some topics of a bag, a few megabytes at a time.
 
@@ -71,6 +79,7 @@ def read(
         memory: What may be held of the bag [bytes].
         view: Which topics take the place of others.
         skipped: Where chunks begin that are not wanted, by file.
+        held: Whether what `condense` returns is held; else the streams are empty.
 
     Raises:
         BagError: nothing there is an MCAP file, or it takes more than is allowed.
@@ -85,7 +94,7 @@ def read(
     doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
     understood = False
-    held = Allowance(bag, 0, memory)
+    budget = Allowance(bag, 0, memory)
     for file in files(bag):
         schemas: dict[int, str] = {}
         definitions: dict[int, bytes] = {}
@@ -115,13 +124,13 @@ def read(
             elif isinstance(record, Metadata) and record.name == METADATA:
                 facts = record.metadata
             elif isinstance(record, Metadata) and record.name.startswith(METADATA):
-                held.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
+                budget.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
                 notes.setdefault(record.name, []).append(record.metadata)
             elif isinstance(record, Attachment) and len(record.data) <= SOURCE:
                 named = custom_sources.parse(record.name)
                 if named:
                     key, name = named
-                    held.hold(len(record.data))
+                    budget.hold(len(record.data))
                     if sources[key].setdefault(name, record.data) != record.data:
                         doubled.add((key, name))
                 if sum(map(len, sources.values())) > SOURCES:
@@ -130,11 +139,13 @@ def read(
                 damage.append(record)
             elif isinstance(record, Block):
                 for channel, messages in messages_of(record, wanted, opened.allowance):
-                    held.hold(messages.payloads.nbytes)
+                    budget.hold(messages.payloads.nbytes if held else 0)
                     name, of = wanted[channel]
+                    stream = streams.setdefault(name, [])
                     translate = translators.get(channel)
                     for part in [messages] if translate is None else translate(messages):
-                        streams.setdefault(name, []).append(condense(of, part))
+                        found = condense(of, part)
+                        stream.extend([found] if held else [])
     unknown = {place.what for place in damage if place.what.startswith(UNPACKED_BY)}
     if unknown and not streams:
         what = f'{bag} cannot be read: {", ".join(sorted(unknown))}'

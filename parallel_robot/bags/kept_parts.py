@@ -1,4 +1,4 @@
-"""Keeps the parts of a motion, that of a long run in a file without a name."""
+"""Keeps the parts of a motion, those of a long one in a file without a name."""
 
 from __future__ import annotations
 

@@ -10,6 +10,7 @@ import numpy as np
 from parallel_robot.bags import bag_reader
 from parallel_robot.bags.bag_reader import Messages
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.sorted_rows import SortedRows
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable
@@ -37,12 +38,14 @@ class StampedPoses(NamedTuple):
         place: x, y, z [m], shape (N, 3).
         turned: Quaternions x, y, z, w of any length but zero, shape (N, 4).
         missing: Number of messages whose numbers are none, as where a tracker saw nothing.
+        total: Number of the others.
     """
 
     stamps: np.ndarray
     place: Array
     turned: Array
     missing: int
+    total: int
 
     @property
     def phi(self) -> Array:
@@ -51,16 +54,20 @@ class StampedPoses(NamedTuple):
         return np.asarray(np.arctan2(2.0 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
-def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPoses:
-    """Read measured poses.
+def read(
+    bag: Path, name: str | None = None, memory: int = MEMORY, most: int | None = None
+) -> StampedPoses:
+    """Read measured poses in the order of their stamps.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         name: Name of their topic; None: the only one that there is.
         memory: What may be held of the bag [bytes].
+        most: How many poses are wanted, evenly; None: all.
 
     Raises:
         BagError: there is no such topic, or its messages are broken.
+        InputError: there is no room to keep them.
     """
     found = bag_reader.read(bag, (), _nothing, memory)
     there = {
@@ -88,19 +95,22 @@ def read(bag: Path, name: str | None = None, memory: int = MEMORY) -> StampedPos
             why = f'is of {printable(kind, SHOWN)}, not of poses'
         raise BagError(f'{bag}: --pose-topic {printable(wanted, SHOWN)} {why}{has}')
     topic = Topic(wanted.lstrip('/'), there[wanted])
+    kept, missing = SortedRows(), 0
 
-    def condense(_: Topic, messages: Messages) -> tuple[np.ndarray, Array]:
-        return _decoded(bag, topic, messages)
+    def keep(_: Topic, messages: Messages) -> None:
+        nonlocal missing
+        stamps, pose = _decoded(bag, topic, messages)
+        seen = (np.abs(pose) <= FARTHEST).all(axis=1) & (pose[:, 3:] != 0.0).any(axis=1)  # nor NaN
+        missing += int((~seen).sum())
+        kept.add(stamps[seen], pose[seen])
 
-    parts = bag_reader.read(bag, [topic], condense, memory).streams.get(wanted, [])
-    if not parts:
+    bag_reader.read(bag, [topic], keep, memory, held=False)
+    if not kept.count and not missing:
         raise BagError(f'{bag} has no messages on {printable(wanted, SHOWN)}')
-    stamps, pose = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    seen = (np.abs(pose) <= FARTHEST).all(axis=1) & (pose[:, 3:] != 0.0).any(axis=1)  # nor NaN
-    if not seen.any():
+    if not kept.count:
         raise BagError(f'{bag}: no message on {printable(wanted, SHOWN)} holds a pose')
-    rows = np.flatnonzero(seen)[np.argsort(stamps[seen], kind='stable')]
-    return StampedPoses(stamps[rows], pose[rows, :3], pose[rows, 3:], int((~seen).sum()))
+    stamps, pose = kept.evenly(most)
+    return StampedPoses(stamps, pose[:, :3], pose[:, 3:], missing, kept.count)
 
 
 def _nothing(_: Topic, messages: Messages) -> None:
@@ -109,20 +119,29 @@ def _nothing(_: Topic, messages: Messages) -> None:
 
 def _decoded(bag: Path, topic: Topic, messages: Messages) -> tuple[np.ndarray, Array]:
     """Stamps and poses of messages of one length; the texts in them may differ."""
-    stamps, poses = [], []
-    for payload in messages.payloads:
-        raw = payload.tobytes()
-        order = '<' if raw[1] & 1 else '>'
-        try:
-            body, place = raw[HEAD:], 8
+    raw, count = messages.payloads, len(messages.payloads)
+    stamps, poses = np.empty(count, np.int64), np.empty((count, 7))
+    try:
+        little = raw[:, 1] & 1 == 1
+        for order, rows in (('<', np.flatnonzero(little)), ('>', np.flatnonzero(~little))):
+            body, place = raw[rows, HEAD:], np.full(len(rows), 8)
             for _ in range(TEXTS[topic.type]):
                 place += -place % 4
-                place += 4 + int(np.frombuffer(body, f'{order}u4', 1, place)[0])
+                place += 4 + _numbers(body, place, 1, f'{order}u4')[:, 0].astype(np.int64)
             place += -place % 8
-            numbers = np.frombuffer(body, f'{order}f8', 7, place)
-            seconds, rest = np.frombuffer(body, f'{order}u4', 2).tolist()
-        except (ValueError, IndexError):
-            raise BagError(f'{bag}: {topic.name} is not understood: a message is broken') from None
-        stamps.append(seconds * NANOSECONDS + rest)
-        poses.append(numbers)
-    return np.array(stamps, np.int64), np.array(poses)
+            poses[rows] = _numbers(body, place, 7, f'{order}f8')
+            seconds, rest = _numbers(body, np.zeros_like(place), 2, f'{order}u4').T
+            stamps[rows] = seconds.astype(np.int64) * NANOSECONDS + rest
+    except IndexError:
+        raise BagError(f'{bag}: {topic.name} is not understood: a message is broken') from None
+    return stamps, poses
+
+
+def _numbers(raw: np.ndarray, place: np.ndarray, count: int, kind: str) -> np.ndarray:
+    """Numbers that stand in each row from a place on, shape (N, count).
+
+    Raises:
+        IndexError: a row ends before.
+    """
+    columns = place[:, np.newaxis] + np.arange(count * np.dtype(kind).itemsize)
+    return raw[np.arange(len(raw))[:, np.newaxis], columns].view(kind)

@@ -186,24 +186,30 @@ def _measured(
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, _ = nominal_of(log.config)
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
-    home, remarks = _home(robot), []
+    home, most, remarks = _home(robot), MOST if thinned else None, []
     if poses is not None:
-        file = tracker_file.read(poses, names, log.start_stamp, home)
-        measured = MeasuredPoses(file.time, file.columns, file.pose)
+        file = tracker_file.read(poses, names, log.start_stamp, home, most)
+        total, measured = file.total, MeasuredPoses(file.time, file.columns, file.pose)
         if file.unused:
             listed = printable(', '.join(file.unused), 80)
             remarks.append(f'{poses}: not used: the columns {listed}')
         if file.missing:
             remarks.append(f'{poses}: not used: {file.missing} lines without a pose')
     else:
-        found = pose_topics.read(bag, topic)
+        found = pose_topics.read(bag, topic, most=most)
+        total = found.total
         if found.missing:
             remarks.append(f'{bag}: not used: {found.missing} messages without a pose')
         time = (found.stamps - log.start_stamp) / NANOSECONDS
         measured = MeasuredPoses(time, *_coordinates(robot, names, found, home))
-    if thinned:
-        measured = _evenly(measured, poses or bag, remarks)
+    if len(measured.time) < total:
+        remarks.append(_thinned(poses or bag, total))
     return _Measured(measured, remarks)
+
+
+def _thinned(source: Path, count: int) -> str:
+    """That not all of so many poses are used, in words."""
+    return f'{source}: of {count} poses, {MOST} are used, evenly'
 
 
 def _evenly(measured: MeasuredPoses, source: Path, remarks: list[str]) -> MeasuredPoses:
@@ -211,7 +217,7 @@ def _evenly(measured: MeasuredPoses, source: Path, remarks: list[str]) -> Measur
     count = len(measured.time)
     if count <= MOST:
         return measured
-    remarks.append(f'{source}: of {count} poses, {MOST} are used, evenly')
+    remarks.append(_thinned(source, count))
     rows = np.linspace(0, count - 1, MOST).astype(int)
     return MeasuredPoses(measured.time[rows], measured.columns, measured.pose[rows])
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from array import array
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from parallel_robot.bags.sorted_rows import SortedRows
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
@@ -18,6 +20,7 @@ from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.units import NANOSECONDS
 
 TIME, STAMP = 't', 'stamp'
+AT_ONCE = 1 << 16  # numbers that are kept at once
 SHOWN = 200  # characters of a line that are shown
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 LENGTH = 0.01  # by which that of a quaternion may differ from 1
@@ -33,6 +36,7 @@ class TrackerFile(NamedTuple):
         pose: The coordinates in the units of the robot, shape (N, k).
         unused: Names of other columns.
         missing: Number of lines without a pose.
+        total: Number of the others.
     """
 
     time: Array
@@ -40,10 +44,15 @@ class TrackerFile(NamedTuple):
     pose: Array
     unused: tuple[str, ...]
     missing: int
+    total: int
 
 
 def read(
-    path: Path, coordinates: Sequence[str], start: int, home: Rotation | None = None
+    path: Path,
+    coordinates: Sequence[str],
+    start: int,
+    home: Rotation | None = None,
+    most: int | None = None,
 ) -> TrackerFile:
     """Read a file with a header: ``t`` [s] or ``stamp`` [ns], and coordinates of the pose.
 
@@ -53,9 +62,10 @@ def read(
         start: Stamp of t = 0 [ns].
         home: Attitude from which its rotation vector counts, which the QUATERNION of the end
             effector may tell in its place; None: it has none.
+        most: How many poses are wanted, evenly; None: all.
 
     Raises:
-        InputError: it cannot be read, or a line is wrong.
+        InputError: it cannot be read, a line is wrong, or there is no room to keep the poses.
     """
     try:
         with path.open(encoding='utf-8-sig', newline='') as stream:
@@ -64,8 +74,7 @@ def read(
             named = [*coordinates, *(QUATERNION if home else ())]
             time, columns = _columns(path, header, named)
             _check_rotation(path, columns)
-            rows: list[list[float]] = []
-            missing = 0
+            kept, rows, missing = SortedRows(), array('d'), 0
             for line in lines:
                 if not ''.join(line).strip():
                     continue
@@ -76,27 +85,36 @@ def read(
                 if any(cell.lower() in MISSING for cell in cells):
                     missing += 1
                     continue
-                rows.append([_time(where, time, line[header.index(time)].strip(), start)])
-                rows[-1] += [_number(where, cell) for cell in cells]
-                _check_length(where, columns, rows[-1][1:])
+                rows.append(_time(where, time, line[header.index(time)].strip(), start))
+                rows.extend(numbers := [_number(where, cell) for cell in cells])
+                _check_length(where, columns, numbers)
+                if len(rows) > AT_ONCE:
+                    _keep(kept, rows, len(columns))
+                    rows = array('d')
+            _keep(kept, rows, len(columns))
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from None
     except UnicodeDecodeError:
         raise InputError(f'{path} is not text in UTF-8') from None
     except csv.Error as error:
         raise InputError(f'{path}: {error}') from None
-    if not rows:
+    if not kept.count:
         raise InputError(f'{path} holds no pose')
-    table = np.array(rows)
-    table = table[np.argsort(table[:, 0], kind='stable')]
+    times, pose = kept.evenly(most)
     unused = tuple(name for name in header if name not in (time, *columns))
     if home and QUATERNION[0] in columns:
         at = columns.index(QUATERNION[0])
-        turned = Rotation.from_quat(table[:, 1 + at :]) * home.inv()
-        table = np.column_stack([table[:, : 1 + at], turned.as_rotvec()])
+        turned = Rotation.from_quat(pose[:, at:]) * home.inv()
+        pose = np.column_stack([pose[:, :at], turned.as_rotvec()])
         columns = [*columns[:at], *TURNS]
-    numbers = tuple(coordinates.index(name) for name in columns)
-    return TrackerFile(table[:, 0], numbers, table[:, 1:], unused, missing)
+    found = tuple(coordinates.index(name) for name in columns)
+    return TrackerFile(times, found, pose, unused, missing, kept.count)
+
+
+def _keep(kept: SortedRows, rows: array[float], width: int) -> None:
+    """Keep rows of a time and so many coordinates."""
+    table = np.frombuffer(rows, np.float64).reshape(-1, 1 + width)
+    kept.add(table[:, 0], table[:, 1:])
 
 
 def _columns(

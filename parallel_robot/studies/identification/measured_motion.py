@@ -10,10 +10,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.bags.kept_parts import KeptParts
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.bags.span import FIRST
 from parallel_robot.bags.statuses import ControllerStatus
-from parallel_robot.studies.identification.kept_motion import KeptParts
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
