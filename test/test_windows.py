@@ -248,6 +248,16 @@ def test_a_second_run_in_a_bag_is_refused_in_windows(bag, messages, tmp_path):
         BagError, match='go back, as in a second run: it can be read as a whole alone'
     ):
         [*recording.chunks(rewritten(tmp_path / 'bag', bag, found), WIDTH)]
+    parts = recording.chunks(tmp_path / 'bag', WIDTH, view=BagView(stop=2.0))
+    assert sum(len(part.log.time) for part in parts) == 2001
+    size = (tmp_path / 'bag' / 'bag_0.mcap').stat().st_size
+    message = (
+        r'bag, 0\.00\d+ GB read at once \(parallel_robot recover mends one that is damaged; '
+        r'export, identify and replay take --to before stamps that go back\), takes more than '
+        r'0\.00\d+ GB of memory$'
+    )
+    with pytest.raises(BagError, match=message):
+        recording.read(tmp_path / 'bag', memory=2 * size)
 
 
 @pytest.mark.parametrize('part', [(1.0, 2.5), (None, 0.7), (3.1, None)])

@@ -22,6 +22,7 @@ from parallel_robot.bags.limits import (
     SOURCE,
     SOURCES,
     Allowance,
+    gigabytes,
 )
 from parallel_robot.bags.mcap_block import HEAD, MESSAGE_HEAD, Block
 from parallel_robot.bags.mcap_chunk import unpacked_payload
@@ -34,6 +35,10 @@ from parallel_robot_model.messages.topics import Topic
 
 Part = TypeVar('Part')
 
+HELP = (
+    'parallel_robot recover mends one that is damaged; '
+    'export, identify and replay take --to before stamps that go back'
+)
 LARGE = 1 << 21  # bytes of messages that are sorted at once
 
 
@@ -94,8 +99,10 @@ def read(
     doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
     understood = False
-    budget = Allowance(bag, 0, memory)
-    for file in files(bag):
+    there = files(bag)
+    size = sum(file.stat().st_size for file in there if file.is_file())
+    budget = Allowance(f'{bag}, {gigabytes(size)} read at once ({HELP}),', 0, memory)
+    for file in there:
         schemas: dict[int, str] = {}
         definitions: dict[int, bytes] = {}
         translators: dict[int, Callable[[Messages], list[Messages]]] = {}

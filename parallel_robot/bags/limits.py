@@ -40,11 +40,11 @@ class Allowance:
     the file, whichever allows more.
     """
 
-    def __init__(self, path: Path, size: int, memory: int = MEMORY) -> None:
+    def __init__(self, path: Path | str, size: int, memory: int = MEMORY) -> None:
         """Prepare.
 
         Args:
-            path: The file or the bag, for error messages.
+            path: The file or the bag, or what it is in words, for error messages.
             size: Its size on disk [bytes].
             memory: What may be held of it [bytes].
         """
@@ -70,7 +70,7 @@ class Allowance:
         if self._unpacked < 0:
             raise BagError(
                 f'{self._path} unpacks to more than {RATIO} times its size and more than '
-                f'{_gigabytes(self._memory)}'
+                f'{gigabytes(self._memory)}'
             )
 
     def walk(self, records: int) -> None:
@@ -104,8 +104,9 @@ class Allowance:
         """
         self._held += size
         if COPIES * self._held > self._memory:
-            raise BagError(f'{self._path} takes more than {_gigabytes(self._memory)} of memory')
+            raise BagError(f'{self._path} takes more than {gigabytes(self._memory)} of memory')
 
 
-def _gigabytes(size: int) -> str:
+def gigabytes(size: int) -> str:
+    """A number of bytes in words."""
     return f'{size / (1 << 30):.3g} GB'
