@@ -40,6 +40,8 @@ def test_a_power_law_is_interpolated_exactly_and_not_extrapolated(tmp_path):
         assert equal_effort.error_at(front, effort) == pytest.approx(7e-6 * effort**-0.6)
     for effort in (0.0999, 0.9001):
         assert np.isnan(equal_effort.error_at(front, effort))
+    worse = replace(front, points=((1.5, 8e-6), (0.1, 54e-6), (0.34, 55e-6)))  # on other robots
+    assert 54e-6 < equal_effort.error_at(worse, 0.3) < 55e-6
     for end in ((np.inf, np.inf), (0.0, 1.0)):  # half of the runs failed; a robot at rest
         broken = replace(front, points=((0.2, 1e-5), end))
         assert np.isnan(equal_effort.error_at(broken, 0.1 if end[0] == 0.0 else 0.3))

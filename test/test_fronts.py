@@ -1,6 +1,7 @@
 """`parallel_robot fronts`: several tunings in one picture, and what it refuses."""
 
 import json
+from dataclasses import replace
 
 import pytest
 from matplotlib.figure import Figure
@@ -43,6 +44,17 @@ def test_each_front_is_drawn_and_named(tmp_path, monkeypatch):
     assert (star.get_xdata(), star.get_ydata()) == ([0.3], [pytest.approx(200.0)])
     assert [*axes.lines[-1].get_xdata()] == [0.5, 0.5]  # where laws are compared
     assert 'end-effector error' in axes.get_ylabel() and 'chattering' in axes.get_xlabel()
+
+
+def test_a_front_is_drawn_by_its_effort_though_its_errors_do_not_fall(tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
+    points = ((1.5, 8e-6), (0.1, 54e-6), (0.34, 55e-6))  # by error, on robots of a sweep
+    fronts.draw([replace(fronts.read(tuning(tmp_path, 'a')), points=points, chosen=2)])
+    curve, star = drawn[0].axes[0].lines
+    assert [*curve.get_xdata()] == [1.5, 0.34, 0.1]
+    assert [*curve.get_ydata()] == pytest.approx([8.0, 55.0, 54.0])
+    assert (star.get_xdata(), star.get_ydata()) == ([0.34], [pytest.approx(55.0)])
 
 
 def test_it_writes_one_file_of_either_kind(tmp_path, capsys):
