@@ -106,7 +106,7 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
 @pytest.mark.parametrize(
     'words',
     [
-        ('calibration', '1', '8', 'planar_3rrr', 'five_bar'),
+        ('calibration', '1', '10', 'planar_3rrr', 'five_bar'),
         ('delays', '1'),
         ('estimators', '1'),
         ('kernels', '1', '1'),
