@@ -26,6 +26,7 @@ SAME = 1e-12  # of the largest singular value: a combination that changes nothin
 ITERATIONS = 4  # of weights, and of what keeps its value
 FLOOR = 1e-9  # m or rad, least noise that is assumed
 TOLERANCE = 1e-10  # relative, at which the search ends
+STEPS = 1000  # of a search, which is slow where the poses hardly tell a combination
 FAR = 1e6  # of the noise, in place of poses that there are not
 
 
@@ -175,7 +176,7 @@ def solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Arr
         ftol=TOLERANCE,
         xtol=TOLERANCE,
         gtol=TOLERANCE,
-        max_nfev=200,
+        max_nfev=STEPS,
     )
     if not found.success or model.left(whole(found.x)) is None:
         raise BagError('no geometry was found that explains the poses: least squares do not end')
