@@ -1,4 +1,4 @@
-"""Keeps the parts of a motion, those of a long one in a file without a name."""
+"""Keeps the parts of a motion or of other rows, those of a long one in a file without a name."""
 
 from __future__ import annotations
 
@@ -16,8 +16,9 @@ HELD = 1 << 24  # bytes that are held in memory; what is longer is in the file
 class KeptParts:
     """Tuples of arrays, which are read as often as they are wanted."""
 
-    def __init__(self) -> None:
-        """Begin without any."""
+    def __init__(self, what: str) -> None:
+        """Begin without any; `what` they are of, for error messages."""
+        self._what = what
         self._file = tempfile.SpooledTemporaryFile(HELD)  # noqa: SIM115  closed with this
         self._counts: list[int] = []  # arrays of each part
 
@@ -34,7 +35,7 @@ class KeptParts:
             self._file.flush()
         except OSError as error:
             where = 'a temporary file; TMPDIR names the directory of such files'
-            raise InputError(f'cannot keep the motion in {where}: {error.strerror}') from None
+            raise InputError(f'cannot keep {self._what} in {where}: {error.strerror}') from None
         self._counts.append(len(arrays))
 
     def __iter__(self) -> Iterator[list[np.ndarray]]:

@@ -95,7 +95,7 @@ def read(
             why = f'is of {printable(kind, SHOWN)}, not of poses'
         raise BagError(f'{bag}: --pose-topic {printable(wanted, SHOWN)} {why}{has}')
     topic = Topic(wanted.lstrip('/'), there[wanted])
-    kept, missing = SortedRows(), 0
+    kept, missing = SortedRows('the poses'), 0
 
     def keep(_: Topic, messages: Messages) -> None:
         nonlocal missing

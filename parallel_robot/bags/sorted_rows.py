@@ -15,10 +15,10 @@ class SortedRows:
         count: How many there are.
     """
 
-    def __init__(self) -> None:
-        """Begin without any."""
+    def __init__(self, what: str) -> None:
+        """Begin without any; `what` they are, for error messages."""
         self.count = 0
-        self._parts = KeptParts()
+        self._parts = KeptParts(what)
         self._newest: float | None = None
         self._rise = True
 

@@ -44,8 +44,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    given = arguments
-    found = compare(given.directories, given.out, given.effort, given.study, given.sweep, '--out')
-    files = [f'{"fronts" if given.study is None else "study"}  {given.out}']
-    show(given.format, found.parts(), found.as_data(), files)
+    found = compare(
+        arguments.directories,
+        arguments.out,
+        arguments.effort,
+        arguments.study,
+        arguments.sweep,
+        '--out',
+    )
+    files = [f'{"fronts" if arguments.study is None else "study"}  {arguments.out}']
+    show(arguments.format, found.parts(), found.as_data(), files)
     return 0

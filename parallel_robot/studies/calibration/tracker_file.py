@@ -74,7 +74,7 @@ def read(
             named = [*coordinates, *(QUATERNION if home else ())]
             time, columns = _columns(path, header, named)
             _check_rotation(path, columns)
-            kept, rows, missing = SortedRows(), array('d'), 0
+            kept, rows, missing = SortedRows('the poses'), array('d'), 0
             for line in lines:
                 if not ''.join(line).strip():
                     continue

@@ -132,7 +132,7 @@ class RunMotion:
             BagError: no torque was recorded, or the robot did not move.
             InputError: there is no room to keep it.
         """
-        self.period, self._kept = period, KeptParts()
+        self.period, self._kept = period, KeptParts('the motion')
         self._statuses, self._limit, self._zero = statuses, torque_limit, zero
         states, self.count, self.duration = 0, 0, 0.0
         bad = {'after a fault': 0, 'motors saturated': 0}
