@@ -16,7 +16,7 @@ from parallel_robot_model.mechanisms.closures import settle
 from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, SINGULAR
 from parallel_robot_model.mechanisms.linear_solve import solve_vector
-from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.mechanism import Index, Mechanism
 from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.tool import follow
 from parallel_robot_model.mechanisms.workspace import PLACED, SIGN, Workspace
@@ -67,7 +67,7 @@ def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
         workspace.state[SIGN] = 1
         return FOUND
     steps, tries = 0, 0
-    _round(workspace)
+    round_to_grid(workspace, workspace.layout.passive)
     while steps < 4:
         sign = settle(mechanism, workspace)
         if sign == 0:
@@ -81,7 +81,7 @@ def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
             return FOUND
         correct(workspace)
         if steps == 0 and tries < TRIES and not _was_nearest(workspace):
-            _round(workspace)
+            round_to_grid(workspace, workspace.layout.passive)
             tries += 1
         else:
             steps += 1
@@ -89,11 +89,11 @@ def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
 
 
 @inner
-def _round(workspace: Workspace) -> None:
-    """Round the passive joints of the trial to their grid."""
-    passive, grid, trial = workspace.layout.passive, workspace.layout.grid, workspace.trial
-    for c in range(len(passive)):
-        i = passive[c]
+def round_to_grid(workspace: Workspace, joints: Index) -> None:
+    """Round some joints of the trial to their grid."""
+    grid, trial = workspace.layout.grid, workspace.trial
+    for c in range(len(joints)):
+        i = joints[c]
         trial[i] = grid[i] * np.rint(trial[i] / grid[i])
 
 

@@ -32,6 +32,7 @@ from parallel_robot_model.mechanisms.memory import (
     begin_at_memory,
     go_back,
     remember,
+    round_to_grid,
 )
 from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.tool import (
@@ -235,7 +236,7 @@ def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
 def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     """Reach the pose such that the last bits of the trial do not matter; write W."""
     for _ in range(1 + TRIES):
-        _round(workspace)
+        round_to_grid(workspace, workspace.layout.moving)
         if not _linearise(mechanism, workspace, pose, 1.0):
             return SINGULAR
         if not _correct(mechanism, workspace) < np.inf:
@@ -248,14 +249,6 @@ def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
         workspace.state[SIGN] = sign
         return SINGULAR
     return fault
-
-
-@inner
-def _round(workspace: Workspace) -> None:
-    """Round the joints of the trial to their grid."""
-    trial, grid, moving = workspace.trial, workspace.layout.grid, workspace.layout.moving
-    for c in range(len(moving)):
-        trial[moving[c]] = grid[moving[c]] * np.rint(trial[moving[c]] / grid[moving[c]])
 
 
 @inner
