@@ -177,6 +177,20 @@ def test_a_score_is_checked_by_running_it_again(whole, protocol_file, tmp_path):
     assert not found.differences and 'same to the last digit' in found.parts()[0]
 
 
+@pytest.mark.parametrize('name', ['seed', 'version', 'sha256'])
+def test_a_score_of_another_protocol_is_told_before_anything_is_run(
+    name, whole, protocol_file, tmp_path
+):
+    changed = json.loads(whole[0].json())
+    changed['protocol'][name] = 2
+    path = tmp_path / 'score.json'
+    path.write_text(json.dumps(changed))
+    found = again.checked(path, str(protocol_file), (), tmp_path / 'a', pytest.fail)
+    what, line = found.parts()
+    assert 'nothing was run' in what and line.startswith(f'  protocol.{name}: 2 in the file, ')
+    assert not (tmp_path / 'a').exists()
+
+
 def test_other_words_draw_other_samples_of_the_same_protocol(protocol_file):
     public, other = read(str(protocol_file)), read(str(protocol_file), phrase='spring tide')
     digest = hashlib.sha256(b'spring tide').hexdigest()

@@ -10,11 +10,13 @@ from typing import Any
 from parallel_robot.studies.benchmark import protocol as protocols
 from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
-from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, read
+from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, facts_of, read
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
+
+NOT_RUN = 'is of another protocol or of other samples, so nothing was run'
 
 
 @dataclass(frozen=True, repr=False)
@@ -24,7 +26,7 @@ class Checked(ShownResult):
     Attributes:
         path: The file.
         differences: What differs, a line each; empty if the score is the same.
-        runs: Number of runs of each law and kind of gains.
+        runs: Number of runs of each law and kind of gains; 0 if it is of another protocol.
     """
 
     path: Path
@@ -36,7 +38,8 @@ class Checked(ShownResult):
         if not self.differences:
             return [f'{self.path}: the same to the last digit, {self.runs} runs of each law']
         count = len(self.differences)
-        parts: list[Part] = [f'{self.path} is not what comes out here, {count} differences:']
+        what = f'is not what comes out here, {count} differences' if self.runs else NOT_RUN
+        parts: list[Part] = [f'{self.path} {what}:']
         parts += [f'  {line}' for line in self.differences[:MOST_DIFFERENCES]]
         return [*parts, '  ...'] if count > MOST_DIFFERENCES else parts
 
@@ -80,5 +83,8 @@ def checked(
     if phrase is not None and not isinstance(phrase, str):
         raise InputError(f'{path}: phrase must be a text, not {phrase!r}')
     asked = protocols.read(protocol, facts.get('quick') is True, phrase)
+    other = differences({'protocol': facts}, {'protocol': facts_of(asked, phrase)})
+    if other:
+        return Checked(path, tuple(other), 0)
     ours = benchmarked(asked, phrase, competitors(laws), directory, workers)
     return Checked(path, tuple(differences(score, ours.as_data())), ours.count)

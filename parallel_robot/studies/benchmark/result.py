@@ -106,7 +106,6 @@ class Scores(ShownResult):
 
     def as_data(self) -> dict[str, Any]:
         """All of it as plain data, for JSON."""
-        protocol = self.protocol
         laws: dict[str, Any] = {}
         sources = self.laws.sources()
         for law, kind, found in self.summaries:
@@ -123,14 +122,7 @@ class Scores(ShownResult):
         facts = software()
         return {
             'format': FORMAT,
-            'protocol': {
-                'name': protocol.name,
-                'version': protocol.version,
-                'sha256': protocol.digest,
-                'quick': protocol.quick,
-                'phrase': self.phrase,
-                'seed': protocol.seed,
-            },
+            'protocol': facts_of(self.protocol, self.phrase),
             'suite': version(),
             'laws': laws,
             'runs_sha256': digest(self.runs),
@@ -141,6 +133,18 @@ class Scores(ShownResult):
     def json(self) -> str:
         """The same as text."""
         return json.dumps(self.as_data(), indent=1) + '\n'
+
+
+def facts_of(protocol: Protocol, phrase: str | None) -> dict[str, Any]:
+    """What a score says of its protocol."""
+    return {
+        'name': protocol.name,
+        'version': protocol.version,
+        'sha256': protocol.digest,
+        'quick': protocol.quick,
+        'phrase': phrase,
+        'seed': protocol.seed,
+    }
 
 
 def read(path: Path) -> dict[str, Any]:
