@@ -53,7 +53,7 @@ class Diagram {
       legend: { show: false },
       cursor: { show: false },
       scales: {
-        x: { time: false, range: () => [(this.history.now ?? WINDOW) - WINDOW, this.history.now ?? WINDOW] },
+        x: { time: false, range: () => this.history.shown() },
         y: this.log ? { distr: 3, range: (_, low, high) => decades(low, high) } : { range: (_, low, high) => span(low, high) },
       },
       axes: [

@@ -64,6 +64,13 @@ class History {
     if (first > 50) this.path.splice(0, first);
   }
 
+  // Begin and end of the time axis: the last seconds, or as many as there are.
+  shown() {
+    const now = this.now ?? WINDOW;
+    const from = Math.max(this.time[0] ?? 0, now - WINDOW);
+    return [from, Math.max(now, from + 1)];
+  }
+
   // Values of the curves of a diagram, each with its name.
   curves(group) {
     return this.layout.curves
