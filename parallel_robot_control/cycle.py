@@ -448,7 +448,7 @@ def run_cycle(
     if tracks:
         ahead = filter_.command_delay + filter_.lag
         reference = JointReference(
-            joined.position + ahead * joined.velocity,
+            joined.position + ahead * (joined.velocity + 0.5 * ahead * joined.acceleration),
             joined.velocity + ahead * joined.acceleration,
             joined.acceleration,
         )

@@ -220,6 +220,14 @@ def test_commands_that_act_late_are_predicted_too():
     assert error(0.006) < 25e-6 < 1e-3 < error(0.0)
 
 
+def test_until_a_late_command_acts_the_desired_motion_goes_on_along_its_curve():
+    delay, rate, radius = 0.006, 2.0, 0.05
+    keys = {'actuator.delay': delay, 'estimator.command_delay': delay, 'circle.rate': rate}
+    keys |= {'friction.coulomb': 0.0, 'friction.viscous': 0.0, 'circle.radius': radius}
+    run = simulate(overrides={'law': 'observer_s_fotsmc', 'approach.duration': 0.4, **keys})
+    assert run.steady_rms() < 0.05 * 0.5 * delay**2 * radius * rate**2  # off a tangent
+
+
 def test_motors_that_lag_are_predicted_too():
     def error(known, law='lqg_tracking'):
         slow = {'actuator.lag': 0.005, 'estimator.lag': known, 'lqg_tracking.bandwidth': 106.7}
