@@ -15,8 +15,8 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import (
     CycleState,
     When,
-    at_measurement,
     is_finite,
+    moved_on,
 )
 from parallel_robot_control.estimator import KALMAN
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
@@ -239,7 +239,7 @@ def _open(
         write_row(common.measured, 0, position)
         write_row(common.measured, 1, velocity)
         write_row(common.measured, 2, applied)
-        then = at_measurement(reference, (acts - stamp) / NANOSECONDS + delay)
+        then = moved_on(reference, (stamp - acts) / NANOSECONDS - delay)
         write_row(common.telemetry, ERROR, then.position - position)
         write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
         overdue = acts - known > OVERDUE * NANOSECONDS

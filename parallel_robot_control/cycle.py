@@ -324,11 +324,11 @@ def taking_over(last: Last, effort: Array) -> Last:
 
 
 @inner
-def at_measurement(reference: JointReference, late: float) -> JointReference:
-    """The reference some time before its own [s], by its derivatives."""
+def moved_on(reference: JointReference, time: float) -> JointReference:
+    """The reference some time after its own [s], or before, with its acceleration held."""
     return JointReference(
-        reference.position - late * (reference.velocity - 0.5 * late * reference.acceleration),
-        reference.velocity - late * reference.acceleration,
+        reference.position + time * (reference.velocity + 0.5 * time * reference.acceleration),
+        reference.velocity + time * reference.acceleration,
         reference.acceleration,
     )
 
@@ -402,7 +402,7 @@ def run_cycle(
         if kalman_memory.running(filter_, when.sample, state.last.known):
             velocity = kalman_memory.known_velocity(filter_, velocity)
     joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, since)
-    reference = at_measurement(joined, late)
+    reference = moved_on(joined, -late)
     error = position - reference.position
     measured = estimator.kind == NONE or estimator.kind == AGED or (tracks and filter_.velocities)
     wrong = inconsistent(
@@ -446,12 +446,7 @@ def run_cycle(
         feedback, wanted = Feedback(position, velocity, excess, zero, place, when.age), joined
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
-        ahead = filter_.command_delay + filter_.lag
-        reference = JointReference(
-            joined.position + ahead * (joined.velocity + 0.5 * ahead * joined.acceleration),
-            joined.velocity + ahead * joined.acceleration,
-            joined.acceleration,
-        )
+        reference = moved_on(joined, filter_.command_delay + filter_.lag)
         motion = kalman.predicted(
             filter_,
             sensed.model,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import at_measurement
+from parallel_robot_control.cycle import moved_on
 from parallel_robot_control.delay_identification import phases, result
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError
 from parallel_robot_model.common.printable import apart
@@ -77,8 +77,8 @@ class Simulation(NamedTuple):
         """Desired joint motion when the states were measured, each shape (N, n)."""
         known = self.reference
         motion = JointReference(known.position, known.velocity, known.acceleration)
-        then: JointReference = at_measurement.py_func(  # type: ignore[attr-defined]
-            motion, self.age
+        then: JointReference = moved_on.py_func(  # type: ignore[attr-defined]
+            motion, -self.age
         )
         return then
 

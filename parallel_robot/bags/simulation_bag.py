@@ -17,7 +17,7 @@ from parallel_robot.bags.message_rows import Rows
 from parallel_robot.bags.progress import Progress
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import at_measurement
+from parallel_robot_control.cycle import moved_on
 from parallel_robot_control.estimator import delay_text
 from parallel_robot_control.messages import (
     Status,
@@ -229,8 +229,8 @@ def _telemetry(part: Simulation, course: Course, due: np.ndarray) -> Telemetry:
     rows = (
         each[due - late] for each in (desired.position, desired.velocity, desired.acceleration)
     )
-    then = at_measurement.py_func(  # type: ignore[attr-defined]
-        JointReference(*rows), part.age + part.delay[due]
+    then = moved_on.py_func(  # type: ignore[attr-defined]
+        JointReference(*rows), -(part.age + part.delay[due])
     )
     return Telemetry(
         then.position - run.position[due],
