@@ -120,7 +120,7 @@ def test_a_run_is_that_of_simulate_against_the_limit_of_its_robot(whole, protoco
     limits = least_errors.compute(row.scenario, row.overrides, calm=True)
     (robot,) = next(iter(limits.members.values()))
     wanted = robot.calm.at(max(metrics.torque.chattering_nm, robot.calm.chattering[0]))
-    assert found.score == pytest.approx(wanted / found.figures.error, rel=1e-12)
+    assert found.score == float(f'{wanted / found.figures.error:.5g}')
 
 
 def test_what_a_kill_cut_is_run_again_and_nothing_else_changes(

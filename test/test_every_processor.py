@@ -10,7 +10,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from bags import content
+
+from parallel_robot_model.configuration import config
 
 RUNS = {
     'noisy': [
@@ -36,6 +39,7 @@ from parallel_robot.cli.command_line import main
 for name, words in json.loads(sys.argv[2]).items():
     assert main(['simulate', *words, '--duration', '1', '--out', f'{sys.argv[1]}/{name}']) == 0
 """
+COMMAND = 'import sys; from parallel_robot.cli.command_line import main; sys.exit(main())'
 SINE = 'import math; print([math.sin(0.37 * k).hex() for k in range(1000)])'
 
 
@@ -72,6 +76,19 @@ def test_bags_are_the_same_bytes(environment, usual, tmp_path):
     other = simulated(environment, tmp_path)
     for name, streams in usual.items():
         assert streams == other[name], name
+
+
+def test_a_score_is_the_same_to_the_last_digit(tmp_path):
+    content = yaml.safe_load((config.directory() / 'benchmarks' / 'protocol_1.yaml').read_text())
+    content |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
+    content['search'] |= {'trials': 12, 'runs': 1}
+    content['robots'] = {'planar_3rrr': content['robots']['planar_3rrr']}
+    protocol = tmp_path / 'small.yaml'
+    protocol.write_text(yaml.safe_dump(content, sort_keys=False))
+    words = ['--protocol', str(protocol), '--workers', '1']
+    out = tmp_path / 'score'
+    python({}, COMMAND, 'benchmark', 's_smc', *words, '--out', str(out))
+    python(OLD_LIBRARIES, COMMAND, 'benchmark', '--check', str(out / 'score.json'), *words)
 
 
 def test_libm_is_another_one_there():

@@ -13,6 +13,7 @@ from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.statistics import Estimate, sectioned
 from parallel_robot_model.common.arrays import Array
 
+DIGITS = 5  # of a score; those of the limit beyond the tenth are the processor's (LAPACK)
 TAIL = 0.05  # share of the runs that are worse than the tail
 WHOLE = 'all'
 
@@ -61,10 +62,11 @@ def score(figures: RunFigures, calm: Calm | None) -> float:
     """The limit over the true error, at the chattering of the run, from 0 to 1; 0 for a failure.
 
     A run that is calmer than all controllers of the limit is held against the calmest of them.
+    It is rounded, so that it is the same on every processor.
     """
     if figures.status != 'ok' or calm is None or not figures.error > 0.0:
         return 0.0
-    return calm.own(figures.chattering) / figures.error
+    return float(f'{calm.own(figures.chattering) / figures.error:.{DIGITS}g}')
 
 
 def summarised(runs: Sequence[ScoredRun]) -> Summary:
