@@ -81,7 +81,7 @@ def test_bags_are_the_same_bytes(environment, usual, tmp_path):
 def test_a_score_is_the_same_to_the_last_digit(tmp_path):
     content = yaml.safe_load((config.directory() / 'benchmarks' / 'protocol_1.yaml').read_text())
     content |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
-    content['search'] |= {'trials': 12, 'runs': 1}
+    content['search'] |= {'trials': 32, 'runs': 1}
     content['robots'] = {'planar_3rrr': content['robots']['planar_3rrr']}
     protocol = tmp_path / 'small.yaml'
     protocol.write_text(yaml.safe_dump(content, sort_keys=False))
