@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import small_protocol
 import yaml
 from foreign_laws import compiled
 from sweeping import Inline
@@ -33,15 +34,9 @@ CALM = Calm(np.array([0.1, 0.4]), np.array([8e-6, 2e-6]))
 
 @pytest.fixture(scope='module')
 def protocol_file(tmp_path_factory):
-    """Protocol 1 for the arm alone, in half a second, at one speed, with one age."""
-    content = yaml.safe_load((config.directory() / 'benchmarks' / 'protocol_1.yaml').read_text())
-    content |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
-    content['ages'] = {'told': content['ages']['told']}
-    content['search'] |= {'trials': 2, 'runs': 1}
-    content['robots'] = {'serial_2r': content['robots']['serial_2r']}
+    """That of the arm, with one age."""
     path = tmp_path_factory.mktemp('protocol') / 'small.yaml'
-    path.write_text(yaml.safe_dump(content, sort_keys=False))
-    return path
+    return small_protocol.written(path, 'serial_2r', trials=2, ages=['told'])
 
 
 def judged(protocol_file, out, *laws):

@@ -10,10 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
+import small_protocol
 from bags import content
-
-from parallel_robot_model.configuration import config
 
 RUNS = {
     'noisy': [
@@ -79,12 +77,7 @@ def test_bags_are_the_same_bytes(environment, usual, tmp_path):
 
 
 def test_a_score_is_the_same_to_the_last_digit(tmp_path):
-    content = yaml.safe_load((config.directory() / 'benchmarks' / 'protocol_1.yaml').read_text())
-    content |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
-    content['search'] |= {'trials': 32, 'runs': 1}
-    content['robots'] = {'planar_3rrr': content['robots']['planar_3rrr']}
-    protocol = tmp_path / 'small.yaml'
-    protocol.write_text(yaml.safe_dump(content, sort_keys=False))
+    protocol = small_protocol.written(tmp_path / 'small.yaml', 'planar_3rrr', trials=32)
     words = ['--protocol', str(protocol), '--workers', '1']
     out = tmp_path / 'score'
     python({}, COMMAND, 'benchmark', 's_smc', *words, '--out', str(out))

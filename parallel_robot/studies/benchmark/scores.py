@@ -12,6 +12,7 @@ from parallel_robot.studies.benchmark.store import RunFigures
 from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.statistics import Estimate, sectioned
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.rounding import rounded
 
 DIGITS = 5  # of a score; those of the limit beyond the tenth are the processor's (LAPACK)
 TAIL = 0.05  # share of the runs that are worse than the tail
@@ -66,7 +67,8 @@ def score(figures: RunFigures, calm: Calm | None) -> float:
     """
     if figures.status != 'ok' or calm is None or not figures.error > 0.0:
         return 0.0
-    return float(f'{calm.own(figures.chattering) / figures.error:.{DIGITS}g}')
+    found: float = rounded(calm.own(figures.chattering) / figures.error, DIGITS)
+    return found
 
 
 def summarised(runs: Sequence[ScoredRun]) -> Summary:

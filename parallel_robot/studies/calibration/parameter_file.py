@@ -8,6 +8,7 @@ from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.rounding import rounded
 
 DIGITS = 10  # significant digits of a parameter
 TAKEN_OFF, SHOWN = 'estimator', 'sensor'  # groups with a zero angle: of controller and plant
@@ -45,14 +46,9 @@ def groups(model: PoseModel, found: Fit) -> dict[str, dict[str, Any]]:
     """The robot as groups of the configuration, see :func:`text`."""
     every = model.robot_with(found.values).parameters._asdict()
     robot = {
-        key: _rounded(every[key]) for key in dict.fromkeys(each.key for each in model.numbers)
+        key: rounded(every[key], DIGITS)
+        for key in dict.fromkeys(each.key for each in model.numbers)
     }
     zero = found.values[model.zeros].tolist()
-    both = {group: {'zero_angle': _rounded(zero)} for group in (TAKEN_OFF, SHOWN)}
+    both = {group: {'zero_angle': rounded(zero, DIGITS)} for group in (TAKEN_OFF, SHOWN)}
     return ({'robot': robot} if robot else {}) | both
-
-
-def _rounded(value: Any) -> Any:
-    if isinstance(value, (list, tuple)):
-        return [_rounded(item) for item in value]
-    return float(f'{float(value):.{DIGITS}g}')

@@ -19,6 +19,7 @@ import numpy as np
 from parallel_robot.bags.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.rounding import rounded
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import HINGES, JointUnits
@@ -47,11 +48,7 @@ class Rest(ShownResult):
     def parameters(self) -> dict[str, list[float]]:
         """Parameters of the estimator that follow, by key; none where there is no noise."""
         both = {'position_noise': self.position, 'velocity_noise': self.velocity}
-        return {
-            key: [float(f'{value:.3g}') for value in values]
-            for key, values in both.items()
-            if np.all(values > 0.0)
-        }
+        return {key: rounded(values, 3) for key, values in both.items() if np.all(values > 0.0)}
 
     def parts(self) -> list[Part]:
         """The parameters as a scenario takes them."""

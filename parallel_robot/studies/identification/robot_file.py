@@ -11,6 +11,7 @@ import yaml
 from parallel_robot.studies.identification.base_parameters import linear_model
 from parallel_robot.studies.identification.identified import Identified
 from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.rounding import rounded
 
 DIGITS = 8  # significant digits of a parameter
 
@@ -60,8 +61,11 @@ def groups(found: Identified, noise: Mapping[str, list[float]]) -> dict[str, dic
     """The robot as groups of the configuration, see :func:`text`."""
     robot = found.robot
     tree: dict[str, dict[str, Any]] = {
-        'robot': {key: _rounded(value) for key, value in robot.robot.items()},
-        'friction': {'viscous': _rounded(robot.viscous), 'coulomb': _rounded(robot.coulomb)},
+        'robot': {key: rounded(value, DIGITS) for key, value in robot.robot.items()},
+        'friction': {
+            'viscous': rounded(robot.viscous, DIGITS),
+            'coulomb': rounded(robot.coulomb, DIGITS),
+        },
     }
     return tree | ({'estimator': dict(noise)} if noise else {})
 
@@ -69,12 +73,6 @@ def groups(found: Identified, noise: Mapping[str, list[float]]) -> dict[str, dic
 def dump(tree: Mapping[str, Any]) -> str:
     """Groups of parameters as YAML, lists in one line each."""
     return yaml.safe_dump(dict(tree), sort_keys=False, default_flow_style=None, width=1000)
-
-
-def _rounded(value: Any) -> Any:
-    if np.ndim(value):
-        return [_rounded(item) for item in value]
-    return float(f'{float(value):.{DIGITS}g}')
 
 
 def _same(value: Any, nominal: Any) -> bool:

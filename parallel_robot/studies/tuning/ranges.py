@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from parallel_robot_model.common.rounding import rounded
+
 ZERO = 0.25  # share of a logarithmic range that is added below it, where the gain is 0
 DIGITS = 9  # of a gain that is tried
 NEAR = 0.02  # share of a range in which a value is at its end
@@ -48,12 +50,12 @@ class Range:
         return self.low * (self.low / self.high) ** ZERO if self.zero else self.low
 
     def value(self, sampled: float) -> float:
-        """The value that a sampled number stands for; its last bits are the processor's."""
+        """The value that a sampled number stands for, but for last bits, the processor's."""
         if self.zero and sampled < self.low:
             return 0.0
         if self.whole:
             return sampled
-        return min(max(float(f'{sampled:.{DIGITS}g}'), self.low), self.high)
+        return min(max(rounded(sampled, DIGITS), self.low), self.high)
 
     def sampled(self, value: float) -> float:
         """A number that stands for a value."""

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.rounding import rounded
 from parallel_robot_model.mechanisms.description.closures import (
     Equation,
     equations,
@@ -136,7 +137,7 @@ def _length(tree: Tree, closing: tuple[Equation, ...], home: Array) -> float:
     frames = [frame for e in closing if e.kind == POINT for frame in (e.first, e.second)]
     points = [*places.position, *(places.frame(frame)[1] for frame in frames)]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
-    return float(f'{spread:.2g}') or 1.0
+    return rounded(spread, 2) or 1.0
 
 
 def as_mechanism(
