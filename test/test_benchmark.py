@@ -166,6 +166,12 @@ def test_one_changed_gain_seed_or_version_is_told(path, whole):
     assert not differences(changed, found)
 
 
+def test_what_differs_is_one_line_whatever_the_file_says():
+    given = {'protocol': {'name': 'a\nb\x1b[31m', 'c\nd': 1, 'seed': 'x' * 10_000}}
+    lines = differences(given, {'protocol': {'name': 'protocol_1', 'seed': 1}})
+    assert len(lines) == 3 and all(line.isprintable() and len(line) < 300 for line in lines)
+
+
 def test_a_score_is_checked_by_running_it_again(whole, protocol_file, tmp_path):
     _, out = whole
     found = again.checked(out / 'score.json', str(protocol_file), (), tmp_path / 'a', Inline)

@@ -13,6 +13,7 @@ from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
 from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, facts_of, read
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 
@@ -77,11 +78,12 @@ def checked(
     for law, entry in entries.items():
         shipped = isinstance(entry, Mapping) and entry.get('source') == SHIPPED
         if not shipped and law not in known:
-            raise InputError(f'{law} is not of the suite: name its file, {law}.py')
+            name = printable(law)
+            raise InputError(f'{name} is not of the suite: name its file, {name}.py')
         laws.append(law if shipped else known[law])
     phrase = facts.get('phrase')
     if phrase is not None and not isinstance(phrase, str):
-        raise InputError(f'{path}: phrase must be a text, not {phrase!r}')
+        raise InputError(f'{path}: phrase must be a text, not {printable(phrase)}')
     asked = protocols.read(protocol, facts.get('quick') is True, phrase)
     other = differences({'protocol': facts}, {'protocol': facts_of(asked, phrase)})
     if other:

@@ -22,6 +22,7 @@ from parallel_robot.studies.benchmark.scores import (
 )
 from parallel_robot.studies.sweep.tasks import version
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
 
@@ -175,11 +176,11 @@ def _differences(where: str, given: Any, ours: Any) -> Iterator[str]:
         for key in {**given, **ours}:
             below = f'{where}.{key}' if where else key
             if key not in given or key not in ours:
-                yield f'{below} is only {"here" if key not in given else "in the file"}'
+                yield f'{printable(below)} is only {"here" if key not in given else "in the file"}'
             else:
                 yield from _differences(below, given[key], ours[key])
     elif given != ours:
-        yield f'{where}: {given} in the file, {ours} here'
+        yield f'{printable(where)}: {printable(given)} in the file, {ours} here'
 
 
 def _interval(estimate: Any) -> str:
