@@ -17,8 +17,10 @@ from parallel_robot.bags import (
     motion_alone,
     planned_motion,
     run_log,
+    run_topics,
     statuses,
 )
+from parallel_robot.bags.aligned_run import aligned
 from parallel_robot.bags.bag_reader import Messages
 from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
@@ -208,11 +210,11 @@ class _Source:
     ) -> Recording:
         """The recording of some messages; the last one tells the damage of the bag."""
         known, absent = self._known(streams)
-        log = run_log.of(self._bag, self.found, known, self._settings, self._view, span)
+        log = aligned(self._bag, self.found, known, self._settings, self._view, span)
         log = motion_alone.cleared(log, absent)
         there = {topic: parts for topic, parts in known.items() if topic not in absent}
         lacking = [
-            f'{self._bag} has no messages on {run_log.wanted(topic, there, self.found)}'
+            f'{self._bag} has no messages on {run_topics.wanted(topic, there, self.found)}'
             for topic in absent
         ]
         left = [
@@ -303,7 +305,7 @@ class _Source:
             if needed <= {self._names[name] for name in streams} and self._meet(streams):
                 break
         known, _ = self._known(streams)
-        log = run_log.of(self._bag, self.found, known, self._settings, self._view)
+        log = aligned(self._bag, self.found, known, self._settings, self._view)
         self._settings = (*self._settings[:2], log.start_stamp)
         if self._reader:
             self._broken.clear()  # they come again
@@ -326,7 +328,7 @@ class _Source:
         self, streams: Mapping[str, Sequence[Sequence[Samples]]]
     ) -> tuple[dict[Topic, list[Samples]], tuple[Topic, ...]]:
         """Messages by topic, and the topics in whose place others stand, see motion_alone."""
-        known = run_log.streams_of(self._bag, streams, self._view)
+        known = run_topics.streams_of(self._bag, streams, self._view)
         if not self._motion_only:
             return known, ()
         return motion_alone.filled(known, lambda: self._settings[1].joints)
@@ -340,7 +342,7 @@ class _Source:
         """What must be there, of topics that are there."""
         return {
             topic
-            for topic in run_log.NEEDED
+            for topic in run_topics.NEEDED
             if topic == JOINT_STATES or topic in there or not self._motion_only
         }
 
