@@ -6,7 +6,6 @@ wrong leads to a latched fault and a safe action: see docs/safety.md.
 
 from __future__ import annotations
 
-import math
 import sys
 import time
 from collections.abc import Callable
@@ -16,7 +15,7 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import configuration, faults, state_warnings
+from parallel_robot_control import configuration, faults
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
@@ -37,10 +36,10 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
+from parallel_robot_control.refused_states import RefusedStates
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import NOT_KNOWN
 from parallel_robot_model.nodes.joint_reader import JointReader
@@ -56,7 +55,6 @@ DOUBTS = {
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
 }
 GUESS = 'controller.guess'
-LATELY = 0.2  # s, since a state was left out, in which that is told
 LOOKS = 4  # checks of the joint states within the time after which they are stale
 RIVALS = 0.1  # s, from one look whether others publish commands to the next
 
@@ -103,11 +101,11 @@ class ControllerNode(SuiteNode):
         self.create_service(Trigger, '~/confirm_pose', self._answer_confirm_pose)
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
-        self._clock_offset = time.time_ns() - time.monotonic_ns()
         timeout = configured.safety.state_timeout
         self._rivals, self._rivals_told = '', False  # who publishes commands, too
-        self._refused, self._refused_at = (faults.NONE, 0), -math.inf  # the last one
-        self._state_age = round(configured.safety.state_age * NANOSECONDS)
+        self._refused = RefusedStates(
+            configured.safety.state_age, lambda: self.get_clock().now().nanoseconds
+        )
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
         self.create_timer(RIVALS, self._watch_rivals)
@@ -182,20 +180,11 @@ class ControllerNode(SuiteNode):
     def doubts(self) -> dict[str, str]:
         """What is wrong with the joint states."""
         doubts = {'rate': self._controller.log.rhythm.doubt}
-        if self.lockstep:
-            return doubts
-        ahead = self._controller.stamp - max(self._clocks())
-        if time.monotonic() - self._refused_at < LATELY:
-            wrong, difference = self._refused
-            if wrong == faults.STATES_AHEAD:
-                ahead = difference
-            elif wrong == faults.STATES_LATE:
-                limit = self._state_age / NANOSECONDS
-                doubts['age'] = state_warnings.of_age(difference, limit)
-            else:
-                problem = self._state_reader.problem
-                doubts['numbers'] = state_warnings.of_numbers(problem, self.loop.joints)
-        return doubts | {'ahead': state_warnings.of_clock(ahead)}
+        if not self.lockstep:
+            doubts |= self._refused.told(
+                self._controller.stamp, self._state_reader.problem, self.loop.joints
+            )
+        return doubts
 
     def handled(self) -> int:
         """Number of states answered."""
@@ -227,7 +216,7 @@ class ControllerNode(SuiteNode):
             self._send(self._controller.answer_pending())
 
     def _on_state(self, data: bytes) -> None:
-        code = self._controller.answer(data, now=self._now())
+        code = self._controller.answer(data, now=0 if self.lockstep else self._refused.now())
         if code == ANSWERED:  # the usual case
             self._topics.publish_command()
         elif code > 0:
@@ -243,48 +232,18 @@ class ControllerNode(SuiteNode):
             self._watch()
         message = self._state_reader.read(data)
         if message is None:
-            self._note_refusal(faults.STATES_INVALID)
+            self._refused.note(faults.STATES_INVALID)
             self._lose_torque(not self.lockstep and self._controller.refuse(faults.STATES_INVALID))
             return
         if code == UNKNOWN and self._state_reader.layout is not None:
             self._controller.expect(self._state_reader.layout, self._state_reader.order)
         stamp, vectors = message
-        wrong = self._doubt(stamp)
+        wrong = faults.NONE if self.lockstep else self._refused.judge(stamp)
         if wrong != faults.NONE:  # as if it had not arrived
             self.counts[DOUBTS[wrong]] += 1
             self._lose_torque(self._controller.refuse(wrong))
         else:
             self._send(self._controller.add_state(stamp, JointSample(*vectors)))
-
-    def _now(self) -> int:
-        """Time against which the age of a state is checked [ns]; 0: it is not checked.
-
-        The earlier of two clocks: stamps go on as before when the system clock is set.
-        """
-        if self.lockstep:
-            return 0
-        return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
-
-    def _doubt(self, stamp: int) -> int:
-        """Why a state is not to be answered: it waited in a queue, or its clock is ahead."""
-        if self.lockstep:
-            return faults.NONE
-        clocks = self._clocks()
-        if min(clocks) - stamp > self._state_age:
-            return self._note_refusal(faults.STATES_LATE, min(clocks) - stamp)
-        if max(clocks) - stamp < -self._state_age:
-            return self._note_refusal(faults.STATES_AHEAD, stamp - max(clocks))
-        return faults.NONE
-
-    def _clocks(self) -> tuple[int, int, int]:
-        """Present times that a stamp may be of [ns]."""
-        ros = self.get_clock().now().nanoseconds  # perhaps a simulated time
-        return time.time_ns(), self._clock_offset + time.monotonic_ns(), ros
-
-    def _note_refusal(self, wrong: int, difference: int = 0) -> int:
-        """Note why a state was left out, and by how much its stamp is wrong [ns]."""
-        self._refused, self._refused_at = (wrong, difference), time.monotonic()
-        return wrong
 
     def _send(self, sample: Answer | None) -> None:
         """Publish an answer, if there is one."""
