@@ -12,13 +12,9 @@ import numpy as np
 from parallel_robot_control import faults, lock_in, safety
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import (
-    CycleState,
-    When,
-    is_finite,
-    moved_on,
-)
+from parallel_robot_control.cycle import CycleState, When
 from parallel_robot_control.estimator import KALMAN
+from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import OVERDUE, QUIET, Last
@@ -46,7 +42,7 @@ from parallel_robot_control.shared_arrays import (
 )
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.compiler import inner, kernel, read_row, select, write_row
+from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages.topics import SLOW
 

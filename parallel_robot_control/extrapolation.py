@@ -8,7 +8,17 @@ from numpy.typing import NDArray
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
+
+
+@inner
+def moved_on(reference: JointReference, time: float) -> JointReference:
+    """The reference some time after its own [s], or before, with its acceleration held."""
+    return JointReference(
+        reference.position + time * (reference.velocity + 0.5 * time * reference.acceleration),
+        reference.velocity + time * reference.acceleration,
+        reference.acceleration,
+    )
 
 
 @kernel
@@ -23,12 +33,7 @@ def extrapolate(age: int, position: Array, velocity: Array, acceleration: Array)
     """
     if age == 0:
         return JointReference(position, velocity, acceleration)
-    dt = age / NANOSECONDS
-    return JointReference(
-        position + dt * velocity + 0.5 * dt * dt * acceleration,
-        velocity + dt * acceleration,
-        acceleration,
-    )
+    return moved_on(JointReference(position, velocity, acceleration), age / NANOSECONDS)
 
 
 def extrapolate_rows(

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of, is_finite
+from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
 from parallel_robot_control.safety import REFERENCE
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.compiler import FirstClass, kernel, read_row, write_row
+from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.course import Course, Heard, course_of
 from parallel_robot_sim.hazards import commanded, told

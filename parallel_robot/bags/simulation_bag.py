@@ -17,8 +17,8 @@ from parallel_robot.bags.message_rows import Rows
 from parallel_robot.bags.progress import Progress
 from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import moved_on
 from parallel_robot_control.estimator import delay_text
+from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.messages import (
     Status,
     Telemetry,

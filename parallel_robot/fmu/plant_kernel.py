@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.cycle import is_finite
 from parallel_robot_model.compiler import (
     Boxed,
     KeptValue,
     Space,
+    is_finite,
     keep,
     kernel,
     present,

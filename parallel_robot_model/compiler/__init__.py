@@ -3,9 +3,9 @@
 Laws and robots
     ``kernel`` compiles a function; ``inner`` one that only kernels call, ``inlined`` one that
     becomes a part of its caller. ``vector`` makes a vector, a value of a fixed size that kernels
-    compute with as with a number; ``select``, ``every``, ``some`` and ``clip`` decide by element,
-    ``largest`` is the magnitude of one, ``dot``, ``cross``, ``multiply`` and ``solve`` are linear
-    algebra.
+    compute with as with a number; ``select``, ``every``, ``some``, ``is_finite`` and ``clip``
+    decide by element, ``largest`` is the magnitude of one, ``dot``, ``cross``, ``multiply`` and
+    ``solve`` are linear algebra.
 Loops
     ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
     its address, a ``Space``; ``send``, ``poll``, ``recv`` and ``shutdown`` are those of libc.
@@ -45,7 +45,14 @@ from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_model.compiler.system_calls import poll, recv, send, shutdown
 from parallel_robot_model.compiler.vector_rows import read_row, write_row
-from parallel_robot_model.compiler.vector_select import clip, every, largest, select, some
+from parallel_robot_model.compiler.vector_select import (
+    clip,
+    every,
+    is_finite,
+    largest,
+    select,
+    some,
+)
 from parallel_robot_model.compiler.vector_types import (
     INTERPRETED,
     Vector,
@@ -60,9 +67,8 @@ __all__ = [
     'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'KeptValue', 'Leaf', 'NativeObject',
     'Space', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
     'begin', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined',
-    'inner', 'keep', 'kernel', 'largest', 'leaves', 'multiply', 'native_object', 'need_compiler',
-    'plain_type', 'poll', 'present', 'propose', 'read_at', 'read_row', 'reason', 'recv', 'select',
-    'send', 'shape_of', 'shutdown',
-    'sine', 'solve', 'solve_full', 'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at',
-    'write_row',
+    'inner', 'is_finite', 'keep', 'kernel', 'largest', 'leaves', 'multiply', 'native_object',
+    'need_compiler', 'plain_type', 'poll', 'present', 'propose', 'read_at', 'read_row', 'reason',
+    'recv', 'select', 'send', 'shape_of', 'shutdown', 'sine', 'solve', 'solve_full',
+    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
 ]  # fmt: skip

@@ -8,7 +8,8 @@ import numpy as np
 from numba import types
 from numba.extending import overload, type_callable
 
-from parallel_robot_model.compiler.kernels import kernel
+from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.compiler.kernels import inner, kernel
 from parallel_robot_model.compiler.numba_parts import impl_ret_new_ref, lower_builtin
 from parallel_robot_model.compiler.vector_operators import pack
 from parallel_robot_model.compiler.vector_types import VectorType, aligned, tuple_like
@@ -151,3 +152,9 @@ def largest(x: Any) -> Any:
     for i in range(1, len(x)):
         largest = max(largest, abs(x[i]))
     return largest
+
+
+@inner
+def is_finite(x: Array) -> bool:
+    """Whether all elements of a vector are finite."""
+    return every(x - x == 0.0)
