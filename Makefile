@@ -4,7 +4,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 SOURCES := $(sort package.xml setup.py setup.cfg pyproject.toml $(wildcard resource/* scripts/* \
   launch/* config/*.yaml config/*/*.* parallel_robot*/*.py parallel_robot*/*/*.py \
-  parallel_robot*/*/*/*.py parallel_robot/*/*/templates/* parallel_robot/bags/*.json parallel_robot/live/static/*.* \
+  parallel_robot*/*/*/*.py parallel_robot/*/*/templates/* parallel_robot/bags/*/*.json parallel_robot/live/static/*.* \
   parallel_robot/live/static/uplot/* trajectory_gen/*.py))
 WARM := import logging, sys; \
   sys.stderr.isatty() and logging.basicConfig(format='  %(message)s', level='INFO'); \

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_control.messages import NO_FAULT
 
 LIMITS = (0.02, 0.05, 0.2)  # s; with the last, the plant's time-out, the torque changes

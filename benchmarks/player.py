@@ -24,7 +24,7 @@ from rclpy.task import Future
 from rows import Row, row, show
 from std_srvs.srv import Trigger
 
-from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.nodes.subscription import qos_of
@@ -69,7 +69,7 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> list[R
 
     subscriptions = [listen(topic) for topic in PLAYED]
     client = node.create_client(Trigger, 'player/resume')
-    module = 'parallel_robot.bags.player_node'
+    module = 'parallel_robot.bags.playing.player_node'
     process = subprocess.Popen(
         command(module, str(bag), '--pause', '--topics', *NAMES, *words), stderr=subprocess.DEVNULL
     )

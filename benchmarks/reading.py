@@ -17,7 +17,8 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 from rows import ratios, row, show
 
-from parallel_robot.bags import recording, simulation_bag
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_sim.configuration import configure

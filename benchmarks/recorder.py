@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rows import row, show
 
-from parallel_robot.bags.record_names import MESSAGES
+from parallel_robot.bags.files.record_names import MESSAGES
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import DEPTH
 from parallel_robot_model.nodes.message_types import message_class
@@ -78,7 +78,7 @@ def main() -> None:
         names = ', '.join(f'"{name}"' for name in TOPICS)
         recorder = subprocess.Popen(
             [
-                *command('parallel_robot.bags.recorder_node', '--ros-args'),
+                *command('parallel_robot.bags.writing.recorder_node', '--ros-args'),
                 *('-p', f'recorder.out:={bag}', '-p', f'recorder.topics:=[{names}]'),
             ],
             stderr=subprocess.DEVNULL,

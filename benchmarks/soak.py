@@ -20,7 +20,7 @@ from pathlib import Path
 import yaml
 from reliability import endurance, page
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_model.processes.node_processes import MODULES
 
 DURATION = 600.0  # s

@@ -33,7 +33,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.messages import NO_FAULT

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, get_args, get_origin
 
 from parallel_robot.analysis.monitor import MonitorParameters
-from parallel_robot.bags.ros_topics import RecorderParameters
+from parallel_robot.bags.writing.ros_topics import RecorderParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Parameter, parameters, words

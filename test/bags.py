@@ -14,7 +14,7 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import Stores, get_typestore
 
 from parallel_robot.analysis import metrics, table
-from parallel_robot.bags import recorded_robot
+from parallel_robot.bags.run import recorded_robot
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.motions import Motion
 

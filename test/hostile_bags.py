@@ -17,7 +17,7 @@ from assembly import simulated
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from parallel_robot.bags import bag_writer, simulation_bag
+from parallel_robot.bags.writing import bag_writer, simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import run_log
+from parallel_robot.bags.run import run_log
 
 
 def in_parts(log, past, configuration, width, obeyed=True):

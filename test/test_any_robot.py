@@ -13,7 +13,7 @@ from parallel_robot.analysis.report import page, paper_figures, runs
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.palette import JOINTS, STYLES
 from parallel_robot.analysis.report.paper_figures import draw
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 
 # Scenario to joints as they are labelled, columns of the pose, and lines of each part.

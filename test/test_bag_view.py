@@ -10,9 +10,9 @@ from bags import MS, START, STORE, content, streams, write_mcap
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import parallel_robot as pr
-from parallel_robot.bags import recorded_robot, recording
-from parallel_robot.bags.bag_view import view
-from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.reading.bag_view import view
+from parallel_robot.bags.run import recorded_robot, recording
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.bag_options import NOT_IN_FOREIGN
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag

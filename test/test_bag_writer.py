@@ -14,13 +14,13 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
-from parallel_robot.bags import bag_writer
-from parallel_robot.bags.bag_files import open_file
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.mcap_block import Block
-from parallel_robot.bags.mcap_records import Damage, scan
-from parallel_robot.bags.message_rows import Rows
-from parallel_robot.bags.record_file import RecordFile
+from parallel_robot.bags.files.bag_files import open_file
+from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_records import Damage, scan
+from parallel_robot.bags.files.record_file import RecordFile
+from parallel_robot.bags.messages.message_rows import Rows
+from parallel_robot.bags.writing import bag_writer
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.faults import FAULTS, SPEED
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_model.common.errors import BagError

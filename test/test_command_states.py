@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from parallel_robot.bags import command_states
-from parallel_robot.bags.message_arrays import Samples
+from parallel_robot.bags.messages.message_arrays import Samples
+from parallel_robot.bags.run import command_states
 
 MS = 1_000_000  # ns
 COUNT, EACH = 1003, 10  # commands, records in a message

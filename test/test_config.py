@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot.bags import custom_sources
+from parallel_robot.bags.custom_code import custom_sources
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety import SafetyParameters

@@ -15,8 +15,8 @@ from vectors import OnVectors
 from parallel_robot import calibrate, save, simulate
 from parallel_robot.analysis.readable_metrics import as_data
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import recording
-from parallel_robot.bags.recorded_robot import RobotCode
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
 from parallel_robot.python.notebook import load, metrics
 from parallel_robot_control.configuration import resolve

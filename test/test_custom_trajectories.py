@@ -9,7 +9,7 @@ from bags import content
 from custom_law import LAW
 from untried import detach, forget
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError

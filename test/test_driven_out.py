@@ -9,10 +9,10 @@ from bags import MS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from test_replay import START, live
 
-from parallel_robot.bags import recording
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.experiment import describe
 from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.provenance.experiment import describe
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.ros_session import Session

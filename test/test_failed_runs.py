@@ -6,7 +6,8 @@ import re
 import pytest
 
 from parallel_robot import simulate
-from parallel_robot.bags import history, recording
+from parallel_robot.bags.provenance import history
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError

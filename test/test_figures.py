@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 
 
 @pytest.fixture(scope='module')

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bags import JOINTS, MS, START, STORE, streams, write_foreign
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics
 

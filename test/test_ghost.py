@@ -8,7 +8,7 @@ import pytest
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.ghost import Ghost
 from parallel_robot.analysis.replay.recorded_controller import RecordedController
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import changed, configure
 from parallel_robot_control.contract import JointReference

@@ -7,7 +7,8 @@ from bags import content
 from replay_parts import assert_same_in_parts
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import recording, simulation_bag
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_control import faults
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.controller import Controller

@@ -8,10 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot.bags import history, recording
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.certificate import Certificate
-from parallel_robot.bags.record_names import MESSAGES
+from parallel_robot.bags.files.certificate import Certificate
+from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.provenance import history
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control import faults, safety
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_model.configuration import plain_data

@@ -19,9 +19,11 @@ from warm_process import WarmProcess
 
 from parallel_robot.analysis import cross_coupling
 from parallel_robot.analysis.report import runs
-from parallel_robot.bags import indexed_reader, recording, recovery
-from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
+from parallel_robot.bags.reading import indexed_reader
+from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import recovery
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR

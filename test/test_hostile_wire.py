@@ -13,7 +13,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 
-from parallel_robot.bags import simulation_bag
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.nodes.message_types import message_class
@@ -27,7 +27,7 @@ GROWTH = 20e6  # bytes
 NODES = {
     **{name: MODULES[name] for name in ('trajectory', 'plant', 'controller', 'recorder')},
     'monitor': 'parallel_robot.analysis.monitor_node',
-    'player': 'parallel_robot.bags.player_node',
+    'player': 'parallel_robot.bags.playing.player_node',
 }
 KEYS = [
     'use_sim_times', 'use_sim_time', 'qos_overrides', 'qos_overrides./x', 'granted.x',

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.identification import bag_identification, base_parameters
 from parallel_robot_control.configuration import resolve

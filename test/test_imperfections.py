@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 
 from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.readable_metrics import STEADY
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.python import notebook
 from parallel_robot.studies.sweep.run_chunk import run_chunk

@@ -10,10 +10,10 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
-from parallel_robot.bags import mcap_records
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.chunk_table import Chunk, Chunks, ChunkTable
-from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.files import mcap_records
+from parallel_robot.bags.files.chunk_table import Chunk, Chunks, ChunkTable
+from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import layouts, topics
 

@@ -10,7 +10,7 @@ from ros_fixtures import SLOW_LOOP
 
 from benchmarks.joins import TRANSIENT, joins
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_model.configuration import config
 from parallel_robot_model.processes.node_processes import MODULES

@@ -7,7 +7,7 @@ from browser import requests, started
 from domain_coordinator import domain_id
 from ros_fixtures import PATIENCE, SLOW_LOOP, Process
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes.node_processes import MODULES

@@ -8,7 +8,7 @@ from bags import content
 from domain_coordinator import domain_id
 from foreign_laws import made
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 
 pytest_plugins = ['ros_fixtures']

@@ -14,18 +14,16 @@ from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.quantiles import Quantiles
 from parallel_robot.analysis.running_timing import RunningTiming
-from parallel_robot.bags import (
-    indexed_reader,
-    mcap_records,
+from parallel_robot.bags.files import mcap_records
+from parallel_robot.bags.reading import indexed_reader, window_streams
+from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.run import (
     recorded_robot,
     recording,
-    recovery,
     run_log,
-    simulation_bag,
-    window_streams,
 )
-from parallel_robot.bags.bag_view import BagView
-from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.writing import recovery, simulation_bag
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_model.common.errors import BagError

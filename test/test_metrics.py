@@ -16,7 +16,7 @@ from parallel_robot.analysis.readable_metrics import (
     defined,
     unsettled,
 )
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.motions import Motion, Motions, Poses

@@ -12,7 +12,7 @@ from geometry import PAPER_START, legs, wrap
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.monitor import WindowMetrics
 from parallel_robot.analysis.monitor_node import LINKS
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import Topic

@@ -8,7 +8,7 @@ import pytest
 from bags import content, streams, write_foreign
 
 import parallel_robot as pr
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from bags import content
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure_plant

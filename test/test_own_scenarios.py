@@ -9,7 +9,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.parameter import parameter_value_to_python
 from test_command_line import refused
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import run
 from parallel_robot_model.processes.node_processes import MODULES

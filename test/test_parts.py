@@ -8,8 +8,9 @@ from bags import content, full_disk
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.simulated_figures import SimulatedFigures
-from parallel_robot.bags import bag_writer, recording, simulation_bag
-from parallel_robot.bags.recovery import recover
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import bag_writer, simulation_bag
+from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim import simulation

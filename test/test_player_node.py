@@ -11,13 +11,13 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from parallel_robot.bags import simulation_bag
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 
 pytest_plugins = ['ros_fixtures']
 
-PLAYER = 'parallel_robot.bags.player_node'
+PLAYER = 'parallel_robot.bags.playing.player_node'
 
 
 @pytest.fixture(scope='module')

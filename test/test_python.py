@@ -19,7 +19,8 @@ from mcap.reader import make_reader
 import parallel_robot
 from parallel_robot import Run, simulate
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import recording, simulation_bag
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.python import (
     checks,

@@ -13,14 +13,15 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot.bags import bag_reader, history
-from parallel_robot.bags import recorder as module
-from parallel_robot.bags.bag_files import open_file
-from parallel_robot.bags.channels import channel, channel_of, qos_profile
-from parallel_robot.bags.mcap_block import Block
-from parallel_robot.bags.mcap_records import scan
-from parallel_robot.bags.record_names import MESSAGES
-from parallel_robot.bags.recorder import Recorder
+from parallel_robot.bags.files.bag_files import open_file
+from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_records import scan
+from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.messages.channels import channel, channel_of, qos_profile
+from parallel_robot.bags.provenance import history
+from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags.writing import recorder as module
+from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot_control.messages import Status, answers_message, status_message
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import config
@@ -283,7 +284,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
     script = f"""
         import os, resource, threading
         from pathlib import Path
-        from parallel_robot.bags.recorder import Recorder
+        from parallel_robot.bags.writing.recorder import Recorder
         from parallel_robot_model.configuration import config
         from parallel_robot_model.messages import layouts, topics
         from parallel_robot_model.configuration.groups import group

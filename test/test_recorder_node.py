@@ -12,16 +12,16 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
-from parallel_robot.bags import bag_reader
-from parallel_robot.bags.indexed_reader import BagReader
-from parallel_robot.bags.record_names import MESSAGES
+from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.nodes.subscription import qos_of
 
 pytest_plugins = ['ros_fixtures']
 
-RECORDER = 'parallel_robot.bags.recorder_node'
+RECORDER = 'parallel_robot.bags.writing.recorder_node'
 COUNT = 50
 
 

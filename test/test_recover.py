@@ -16,8 +16,9 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import bag_writer, recording, run_log, simulation_bag
-from parallel_robot.bags.recovery import recover
+from parallel_robot.bags.run import recording, run_log
+from parallel_robot.bags.writing import bag_writer, simulation_bag
+from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import config

@@ -7,7 +7,8 @@ from reliability import endurance, page
 from reliability.effects import Effect, Line
 from reliability.judging import BOUND, QUIET, Outcome, Record, is_well, judge, recovery_time
 
-from parallel_robot.bags import recording, simulation_bag
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts
 

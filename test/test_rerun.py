@@ -11,10 +11,12 @@ from mcap.reader import make_reader
 from test_replay import live, switch
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags import arithmetic, bag_difference, history, limits, recording
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.record_names import MISSING
-from parallel_robot.bags.recorder import Recorder
+from parallel_robot.bags import limits
+from parallel_robot.bags.files.record_names import MISSING
+from parallel_robot.bags.provenance import arithmetic, history
+from parallel_robot.bags.run import bag_difference, recording
+from parallel_robot.bags.writing.bag_writer import BagWriter
+from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import rerun, run
 from parallel_robot_control import faults

@@ -7,8 +7,8 @@ import pytest
 from bags import STORE
 from rosbags.typesys import get_types_from_msg
 
-from parallel_robot.bags import message_types
-from parallel_robot.bags.ros_message_definition import concatenate, definition
+from parallel_robot.bags.messages import message_types
+from parallel_robot.bags.messages.ros_message_definition import concatenate, definition
 from parallel_robot_model.common.errors import InputError
 
 
@@ -62,4 +62,6 @@ def test_what_is_not_installed_as_msg_is_refused(name):
 
 def test_the_types_of_the_suite_are_those_of_rosbags():
     known = {name: message_types.message_type(name) for name in message_types.from_rosbags()}
-    assert known == message_types.from_rosbags(), 'python -m parallel_robot.bags.message_types'
+    assert known == message_types.from_rosbags(), (
+        'python -m parallel_robot.bags.messages.message_types'
+    )

@@ -23,9 +23,10 @@ from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags import history, recording
-from parallel_robot.bags.record_names import CHANGES
-from parallel_robot.bags.recovery import recover
+from parallel_robot.bags.files.record_names import CHANGES
+from parallel_robot.bags.provenance import history
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_control.configuration import configure

@@ -12,8 +12,13 @@ from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_
 from mcap.writer import Writer
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import recording, run_log, simulation_bag, state_doubts
-from parallel_robot.bags.bag_writer import BagWriter
+from parallel_robot.bags.run import (
+    recording,
+    run_log,
+    state_doubts,
+)
+from parallel_robot.bags.writing import simulation_bag
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, KinematicsError
 from parallel_robot_model.common.units import JointUnits
 from parallel_robot_model.configuration import config

@@ -10,7 +10,7 @@ from bags import STORE
 from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
-from parallel_robot.bags import simulation_bag
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr import measure
 

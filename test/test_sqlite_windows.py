@@ -9,11 +9,12 @@ from test_long_bags import assert_alike
 from test_windows import WIDTH, assert_all, assert_together, bag, messages  # noqa: F401  fixtures
 
 from parallel_robot.analysis import evaluated_bag
-from parallel_robot.bags import bag_files, recording, sqlite_records
-from parallel_robot.bags.bag_view import BagView
-from parallel_robot.bags.indexed_reader import BagReader
-from parallel_robot.bags.mcap_block import Block
-from parallel_robot.bags.mcap_records import Damage
+from parallel_robot.bags.files import bag_files, sqlite_records
+from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_records import Damage
+from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import JOINT_STATES

@@ -5,7 +5,7 @@ import re
 import pytest
 from bags import START
 
-from parallel_robot.bags.statuses import ControllerStatus, decoded
+from parallel_robot.bags.provenance.statuses import ControllerStatus, decoded
 from parallel_robot_control import faults
 from parallel_robot_control.faults import EMERGENCY_STOP
 from parallel_robot_control.messages import Status, status_message

@@ -9,7 +9,7 @@ from bags import motion_of
 from sweeping import FAILING, ROWS, RUNS, TEXT, Inline, content, planned, runs, swept
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.sweep import results

@@ -9,7 +9,8 @@ import pytest
 from custom_law import LAW
 from mcap.writer import Writer
 
-from parallel_robot.bags import bag_reader, shown_code, trust
+from parallel_robot.bags.custom_code import shown_code, trust
+from parallel_robot.bags.reading import bag_reader
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes import custom_module

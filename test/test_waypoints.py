@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import make_interp_spline
 
 from parallel_robot import simulate
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config, parameter_file, points_table

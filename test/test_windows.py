@@ -7,21 +7,18 @@ import pytest
 from assembly import simulated
 from bags import content, write_foreign, write_mcap
 
-from parallel_robot.bags import (
+from parallel_robot.bags import limits
+from parallel_robot.bags.files import bag_files, mcap_records
+from parallel_robot.bags.reading import indexed_reader, window_streams
+from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.run import (
     bag_difference,
-    bag_files,
     gathered_run,
-    indexed_reader,
-    limits,
-    mcap_records,
     recording,
-    recovery,
-    simulation_bag,
-    window_streams,
 )
-from parallel_robot.bags.bag_view import BagView
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.indexed_reader import BagReader
+from parallel_robot.bags.writing import recovery, simulation_bag
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import HINGES
 from parallel_robot_model.configuration import config

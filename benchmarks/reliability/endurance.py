@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances, poses
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.messages import topics
 
 START = 60.0  # s, after which memory must not grow

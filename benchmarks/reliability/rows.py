@@ -18,7 +18,7 @@ from reliability.bench import Bench
 from reliability.effects import Effect
 from reliability.loop import NODES, environment
 
-from parallel_robot.bags import recording
+from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.node_processes import MODULES, as_yaml

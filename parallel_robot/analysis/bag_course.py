@@ -21,11 +21,11 @@ from parallel_robot.analysis.thinned import (
     thinned,
     thinned_series,
 )
-from parallel_robot.bags import recorded_robot, run_log
-from parallel_robot.bags.alike_lines import AlikeLines
-from parallel_robot.bags.counts import TopicCount
-from parallel_robot.bags.history import History
-from parallel_robot.bags.recording import Recording
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.run import recorded_robot, run_log
+from parallel_robot.bags.run.alike_lines import AlikeLines
+from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot.bags.run.recording import Recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion

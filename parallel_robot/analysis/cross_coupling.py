@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from parallel_robot.analysis.thinned import Series
-from parallel_robot.bags.message_arrays import Samples, physical
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.messages.message_arrays import Samples, physical
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.units import NANOSECONDS
 
 

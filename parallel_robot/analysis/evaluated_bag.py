@@ -20,16 +20,21 @@ from parallel_robot.analysis.plant_windows import PlantWindows
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags import recorded_robot, recording, run_log, stretches
-from parallel_robot.bags.bag_files import files
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.counts import TopicCount
-from parallel_robot.bags.history import History
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
-from parallel_robot.bags.recording import Recording
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.span import LAST
-from parallel_robot.bags.stretches import Stretch
+from parallel_robot.bags.files.bag_files import files
+from parallel_robot.bags.messages.span import LAST
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.run import (
+    recorded_robot,
+    recording,
+    run_log,
+    stretches,
+)
+from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.stretches import Stretch
 from parallel_robot_model.common.errors import (
     BagError,
     InputError,

@@ -9,10 +9,10 @@ import numpy as np
 
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.posture import posture_of
-from parallel_robot.bags.bag_writer import BagWriter
-from parallel_robot.bags.channels import channel_of
+from parallel_robot.bags.messages.channels import channel_of
 from parallel_robot.bags.progress import tracked
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts

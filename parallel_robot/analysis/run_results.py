@@ -7,7 +7,7 @@ from typing import Any
 
 from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
-from parallel_robot.bags import run_log
+from parallel_robot.bags.run import run_log
 from parallel_robot_model.common.tables import Part, Table
 
 

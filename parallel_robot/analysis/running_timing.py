@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from parallel_robot.analysis.quantiles import Quantiles, counted
 from parallel_robot.analysis.timing import SAME_CLOCK, Timing, acting_commands
-from parallel_robot.bags import command_states
-from parallel_robot.bags.command_states import Answers
-from parallel_robot.bags.experiment import NODES
-from parallel_robot.bags.history import History, granted_priorities
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.provenance.experiment import NODES
+from parallel_robot.bags.provenance.history import History, granted_priorities
+from parallel_robot.bags.run import command_states
+from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.loop import loop_of

@@ -7,11 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags import command_states
-from parallel_robot.bags.command_states import Answers
-from parallel_robot.bags.experiment import NODES
-from parallel_robot.bags.history import History, granted_priorities
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.provenance.experiment import NODES
+from parallel_robot.bags.provenance.history import History, granted_priorities
+from parallel_robot.bags.run import command_states
+from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import inner, kernel

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot.bags.bag_view import NAMES, BagView, view
+from parallel_robot.bags.reading.bag_view import NAMES, BagView, view
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages.namespaces import add_namespace_argument, full

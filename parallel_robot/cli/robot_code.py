@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Mapping
 from typing import Any
 
-from parallel_robot.bags.recorded_robot import KEY, RobotCode
+from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
 from parallel_robot_model.configuration import modules
 
 

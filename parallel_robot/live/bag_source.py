@@ -14,12 +14,13 @@ import numpy as np
 
 from parallel_robot.analysis import evaluated_bag, recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
-from parallel_robot.bags import held_code, recording, stretches
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.experiment import UNKNOWN_LAW
-from parallel_robot.bags.history import History
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.trust import custom_files
+from parallel_robot.bags.custom_code import held_code
+from parallel_robot.bags.custom_code.trust import custom_files
+from parallel_robot.bags.provenance.experiment import UNKNOWN_LAW
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.run import recording, stretches
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.live import readable_state
 from parallel_robot.live.bag_windows import AHEAD, BagWindows, Torques
 from parallel_robot.live.frames import Camera, Motion

@@ -10,9 +10,9 @@ import numpy as np
 
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.bag_replay import with_last
-from parallel_robot.bags import recording
-from parallel_robot.bags.bag_view import BagView
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.run import recording
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, WholeNeededError

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 from parallel_robot.analysis.posture import Posture, posture_of
-from parallel_robot.bags.message_types import message_type
+from parallel_robot.bags.messages.message_types import message_type
 from parallel_robot.live.graph_values import known_values, of_robot
 from parallel_robot.live.guard import OPEN, is_loopback
 from parallel_robot.live.ros_live_graph import LiveGraph

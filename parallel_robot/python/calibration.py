@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Any, overload
 
 from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import new_files, recorded_robot
+from parallel_robot.bags import new_files
+from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration, modes
 from parallel_robot.studies.calibration.bag_calibration import Calibration

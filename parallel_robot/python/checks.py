@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import recovery
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.recovery import Recovery
+from parallel_robot.bags.writing import recovery
+from parallel_robot.bags.writing.recovery import Recovery
 from parallel_robot.python import arguments
 from parallel_robot.studies.machine_verification import name_of, verify_machine
 from parallel_robot.studies.robot_verification import verify_robot

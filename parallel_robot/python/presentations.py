@@ -12,8 +12,9 @@ from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.video_file import RATE, Video
-from parallel_robot.bags import new_files, recorded_robot
+from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot_model.common.data_frames import Frame, pandas
 

@@ -11,8 +11,9 @@ from parallel_robot.analysis.replay import bag_replay, bag_rerun
 from parallel_robot.analysis.replay.bag_replay import BagReplay
 from parallel_robot.analysis.replay.bag_rerun import Rerun
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files, simulation_bag
+from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
 from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve

@@ -28,7 +28,7 @@ MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
     'plant': 'parallel_robot_sim.plant_node',
     'controller': 'parallel_robot_control.controller_node',
-    'recorder': 'parallel_robot.bags.recorder_node',
+    'recorder': 'parallel_robot.bags.writing.recorder_node',
 }
 # The plant ends first, at a state; what the others still publish is recorded.
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))

@@ -17,14 +17,16 @@ from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import arithmetic, held_code, recording, run_log
-from parallel_robot.bags.alike_lines import AlikeLines
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.history import History
+from parallel_robot.bags.custom_code import held_code
+from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.recording import Recording
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.trust import custom_files
+from parallel_robot.bags.provenance import arithmetic
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.run import recording, run_log
+from parallel_robot.bags.run.alike_lines import AlikeLines
+from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array

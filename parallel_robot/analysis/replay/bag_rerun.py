@@ -11,18 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import (
-    arithmetic,
-    bag_difference,
-    bag_reader,
-    gathered_run,
-    held_code,
-)
-from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
-from parallel_robot.bags.history import History
+from parallel_robot.bags.custom_code import held_code
+from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.trust import custom_files
+from parallel_robot.bags.provenance import arithmetic
+from parallel_robot.bags.provenance.experiment import OF_RUN, SIMULATION, software
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags.run import bag_difference, gathered_run
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import available, configure, load, resolve
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.printable import printable

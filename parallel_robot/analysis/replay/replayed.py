@@ -21,9 +21,9 @@ from parallel_robot.analysis.replay.recorded_controller import (
     after,
     events,
 )
-from parallel_robot.bags import run_log
-from parallel_robot.bags.history import History
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.run import run_log
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import ControlConfiguration, changed
 from parallel_robot_model.common.units import NANOSECONDS
 

@@ -13,9 +13,9 @@ from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import new_files
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.progress import tracked
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
 
 PAGE = 'report.html'

@@ -17,10 +17,10 @@ from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags import run_log, stretches
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.progress import tracked
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.run import run_log, stretches
+from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_control import law_titles
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import InputError

@@ -10,7 +10,7 @@ import numpy as np
 from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.space_views import oblique
-from parallel_robot.bags import recorded_robot
+from parallel_robot.bags.run import recorded_robot
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.motions import Motion, Poses

@@ -6,7 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
-from parallel_robot.bags.recovery import recover
+from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.result_format import add_format_argument, show
 
 

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import timing
-from parallel_robot.bags import history, new_files
-from parallel_robot.bags.experiment import OF_RUN, command_line
+from parallel_robot.bags import new_files
 from parallel_robot.bags.progress import Progress
-from parallel_robot.bags.recorded_robot import RobotCode
+from parallel_robot.bags.provenance import history
+from parallel_robot.bags.provenance.experiment import OF_RUN, command_line
+from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli import recorded_run
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell

@@ -11,13 +11,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.bags import new_files, pose_topics, recorded_robot, recording, run_log
-from parallel_robot.bags.alike_lines import AlikeLines
-from parallel_robot.bags.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.pose_topics import StampedPoses
-from parallel_robot.bags.recorded_robot import NONE, RobotCode
-from parallel_robot.bags.recording import Recording
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags import new_files
+from parallel_robot.bags.reading import pose_topics
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.reading.pose_topics import StampedPoses
+from parallel_robot.bags.run import (
+    recorded_robot,
+    recording,
+    run_log,
+)
+from parallel_robot.bags.run.alike_lines import AlikeLines
+from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration import (
     least_squares,
     parameter_file,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.span import FIRST
+from parallel_robot.bags.messages.span import FIRST
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration.pose_model import JointTrack
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.robots.poses import poses_of

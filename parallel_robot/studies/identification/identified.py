@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification import (
     base_parameters,
     least_squares,

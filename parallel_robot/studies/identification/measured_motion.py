@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.bags.kept_parts import KeptParts
-from parallel_robot.bags.run_log import RunLog
-from parallel_robot.bags.span import FIRST
-from parallel_robot.bags.statuses import ControllerStatus
+from parallel_robot.bags.messages.span import FIRST
+from parallel_robot.bags.provenance.statuses import ControllerStatus
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import LONGEST
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.shown_result import ShownResult

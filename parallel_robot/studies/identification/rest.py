@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.rounding import rounded

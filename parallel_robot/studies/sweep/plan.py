@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags import custom_sources
+from parallel_robot.bags.custom_code import custom_sources
 from parallel_robot.studies.sweep import uncertainty
 from parallel_robot.studies.sweep.study import Study, Variant
 from parallel_robot_control.configuration import resolve

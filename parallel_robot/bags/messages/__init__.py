@@ -1,0 +1,1 @@
+"""Messages as arrays, and their types."""

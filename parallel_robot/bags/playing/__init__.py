@@ -1,0 +1,1 @@
+"""Bags played; the player node."""

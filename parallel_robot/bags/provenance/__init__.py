@@ -1,0 +1,1 @@
+"""What a bag says of the experiment that made it."""

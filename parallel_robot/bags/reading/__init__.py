@@ -1,0 +1,1 @@
+"""Bags read whole, in windows, or from any moment on."""

@@ -1,0 +1,250 @@
+"""Messages of a bag as arrays of bytes: from any recorder, whole or damaged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Generic, TypeVar
+
+import numpy as np
+import zstandard
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
+
+from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags.files import bag_kinds
+from parallel_robot.bags.files.bag_files import custom_data, files, open_file
+from parallel_robot.bags.files.mcap_block import HEAD, MESSAGE_HEAD, Block
+from parallel_robot.bags.files.mcap_chunk import unpacked_payload
+from parallel_robot.bags.files.mcap_records import UNPACKED_BY, Damage, Record
+from parallel_robot.bags.files.record_names import METADATA
+from parallel_robot.bags.limits import (
+    CHANNELS,
+    LENGTHS,
+    MEMORY,
+    SOURCE,
+    SOURCES,
+    Allowance,
+    gigabytes,
+)
+from parallel_robot.bags.messages import planned_motion
+from parallel_robot.bags.messages.message_parts import Messages as Messages
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.configuration import plain_data
+from parallel_robot_model.messages.topics import Topic
+
+Part = TypeVar('Part')
+
+HELP = (
+    'parallel_robot recover mends one that is damaged; '
+    'export, identify and replay take --to before stamps that go back'
+)
+LARGE = 1 << 21  # bytes of messages that are sorted at once
+
+
+@dataclass(frozen=True)
+class Bag(Generic[Part]):
+    """What was read of a bag.
+
+    Attributes:
+        streams: What `condense` returned, by full name of the topic.
+        metadata: What the suite wrote about the experiment; empty when another recorded it.
+        warnings: What is wrong with the bag, one line each.
+        notes: Other metadata records, by their name.
+        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
+            names and long sources are left out.
+        channels: Type of each topic of the bag, by its full name.
+        encodings: Encoding of those that are not CDR, which are not read.
+    """
+
+    streams: dict[str, list[Part]]
+    metadata: dict[str, str]
+    warnings: tuple[str, ...]
+    notes: dict[str, list[dict[str, str]]]
+    sources: dict[str, dict[str, bytes]]
+    channels: dict[str, str]
+    encodings: dict[str, str]
+
+
+def read(
+    bag: str | Path,
+    topics: Collection[Topic],
+    condense: Callable[[Topic, Messages], Part],
+    memory: int = MEMORY,
+    view: BagView = AS_RECORDED,
+    skipped: Mapping[Path, Collection[int]] = MappingProxyType({}),
+    held: bool = True,
+) -> Bag[Part]:
+    """Read some topics of a bag, a few megabytes at a time.
+
+    Args:
+        bag: Directory of the bag, or one file of it.
+        topics: What to read, in any namespace, if the type is the same or unknown.
+        condense: Turns messages into what is kept of them, which takes no more memory.
+        memory: What may be held of the bag [bytes].
+        view: Which topics take the place of others.
+        skipped: Where chunks begin that are not wanted, by file.
+        held: Whether what `condense` returns is held; else the streams are empty.
+
+    Raises:
+        BagError: nothing there is an MCAP file, or it takes more than is allowed.
+    """
+    bag = Path(bag)
+    streams: dict[str, list[Part]] = {}
+    facts: dict[str, str] = {}
+    notes: dict[str, list[dict[str, str]]] = {}
+    channels: dict[str, str] = {}
+    encodings: dict[str, str] = {}
+    sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
+    doubled: set[tuple[str, str]] = set()
+    damage: list[Damage] = []
+    understood = False
+    there = files(bag)
+    size = sum(file.stat().st_size for file in there if file.is_file())
+    budget = Allowance(f'{bag}, {gigabytes(size)} read at once ({HELP}),', 0, memory)
+    for file in there:
+        schemas: dict[int, str] = {}
+        definitions: dict[int, bytes] = {}
+        translators: dict[int, Callable[[Messages], list[Messages]]] = {}
+        wanted: dict[int, tuple[str, Topic]] = {}
+        opened = open_file(file, memory)
+        for record in _joined(bag_kinds.records(file, opened, skipped.get(file, ()))):
+            understood = understood or not isinstance(record, (Damage, Header))
+            if isinstance(record, Schema):
+                schemas[record.id] = record.name
+                if record.name == planned_motion.STATE:
+                    definitions[record.id] = record.data
+            elif isinstance(record, Channel):
+                name = f'/{record.topic.lstrip("/")}'
+                channels[name] = schemas.get(record.schema_id, '')
+                if record.message_encoding not in ('cdr', ''):
+                    encodings[name] = record.message_encoding
+                    continue
+                topic = view.topic_of(name, channels[name], topics)
+                if topic is not None:
+                    wanted[record.id] = name, topic
+                    if channels[name] == planned_motion.STATE:
+                        definition = definitions[record.schema_id].decode(errors='replace')
+                        translators[record.id] = planned_motion.translator(definition)
+                if len(wanted) > CHANNELS:
+                    raise BagError(f'{file} has more than {CHANNELS} channels of such topics')
+            elif isinstance(record, Metadata) and record.name == METADATA:
+                facts = record.metadata
+            elif isinstance(record, Metadata) and record.name.startswith(METADATA):
+                budget.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
+                notes.setdefault(record.name, []).append(record.metadata)
+            elif isinstance(record, Attachment) and len(record.data) <= SOURCE:
+                named = custom_sources.parse(record.name)
+                if named:
+                    key, name = named
+                    budget.hold(len(record.data))
+                    if sources[key].setdefault(name, record.data) != record.data:
+                        doubled.add((key, name))
+                if sum(map(len, sources.values())) > SOURCES:
+                    raise BagError(f'{file} holds more than {SOURCES} custom laws and robots')
+            elif isinstance(record, Damage):
+                damage.append(record)
+            elif isinstance(record, Block):
+                for channel, messages in messages_of(record, wanted, opened.allowance):
+                    budget.hold(messages.payloads.nbytes if held else 0)
+                    name, of = wanted[channel]
+                    stream = streams.setdefault(name, [])
+                    translate = translators.get(channel)
+                    for part in [messages] if translate is None else translate(messages):
+                        found = condense(of, part)
+                        stream.extend([found] if held else [])
+    unknown = {place.what for place in damage if place.what.startswith(UNPACKED_BY)}
+    if unknown and not streams:
+        what = f'{bag} cannot be read: {", ".join(sorted(unknown))}'
+        raise BagError(f'{what}, which is not known here; zstd, lz4 and none are')
+    if not understood:
+        raise BagError(f'{bag} cannot be read: nothing in it is MCAP')
+    if damage or not facts:
+        facts = custom_data(bag) or facts
+    if plain_data.whole_number(facts.get('start_stamp', '0')) is None:
+        raise BagError(f'{bag}: its start_stamp must be a whole number of nanoseconds')
+    warnings = [warning(bag, damage)] if damage else []
+    for key, name in sorted(doubled):
+        del sources[key][name]
+        warnings.append(f'{bag} holds several files {key}/{name}; none of them is used')
+    return Bag(streams, facts, tuple(warnings), notes, sources, channels, encodings)
+
+
+def warning(bag: Path, damage: Iterable[Damage]) -> str:
+    """One line that says what is lost of a bag."""
+    places = [place for place in damage if place.what != 'end']
+    what = 'was not closed and ends with its last finished chunk'
+    if places:
+        where = f'{len(places)} places' if len(places) > 1 else 'one place'
+        what = f'is damaged in {where}, {sum(place.length for place in damage)} bytes are lost'
+    return f'{bag} {what}; parallel_robot recover makes a whole bag of it'
+
+
+def _joined(records: Iterable[Record]) -> Iterator[Record]:
+    """Records with small blocks joined, because numpy is fast on large arrays."""
+    small: list[Block] = []
+    size = 0
+    for record in records:
+        if not isinstance(record, Block) or len(record.data) > LARGE:
+            yield record
+            continue
+        small.append(record)
+        size += len(record.data)
+        if size > LARGE:
+            yield join(small)
+            small, size = [], 0
+    if small:
+        yield join(small)
+
+
+def join(blocks: Sequence[Block]) -> Block:
+    """The messages of some blocks as one."""
+    begins = np.cumsum([0, *(len(block.data) for block in blocks)])
+    starts = [block.starts + begin for block, begin in zip(blocks, begins, strict=False)]
+    return Block(memoryview(b''.join(block.data for block in blocks)), np.concatenate(starts))
+
+
+def messages_of(
+    block: Block, channels: Mapping[int, tuple[str, Topic]], allowance: Allowance
+) -> Iterator[tuple[int, Messages]]:
+    """Messages of a block by channel and length."""
+    heads = block.heads()
+    for channel in channels:
+        here = np.flatnonzero(heads['channel'] == channel)
+        lengths = heads['length'][here]
+        kinds = {*lengths.tolist()} - {MESSAGE_HEAD}  # empty payloads are ignored
+        if len(kinds) > LENGTHS:
+            raise BagError(f'{channels[channel][0]} has messages of more than {LENGTHS} lengths')
+        for length in kinds:
+            these = here[lengths == length]
+            times = heads['log_time'][these].astype(np.int64)
+            rows = block.cut(HEAD + MESSAGE_HEAD, length - MESSAGE_HEAD, these)
+            if rows[0].tobytes().startswith(zstandard.FRAME_HEADER):
+                yield from ((channel, messages) for messages in _plain(times, rows, allowance))
+            else:
+                yield channel, Messages(times, rows.view(np.uint8).reshape(len(rows), -1))
+
+
+def _plain(times: np.ndarray, rows: np.ndarray, allowance: Allowance) -> Iterator[Messages]:
+    """Messages that were compressed one by one, grouped by length."""
+    groups: dict[int, list[tuple[int, bytes]]] = {}
+    size = 0
+    for k, row in enumerate(rows):
+        payload = unpacked_payload(row.tobytes(), allowance)
+        groups.setdefault(len(payload), []).append((k, payload))
+        size += len(payload)
+        if size > LARGE:
+            yield from _together(times, groups)
+            groups, size = {}, 0
+    yield from _together(times, groups)
+
+
+def _together(
+    times: np.ndarray, groups: Mapping[int, Sequence[tuple[int, bytes]]]
+) -> Iterator[Messages]:
+    for length, group in groups.items():
+        if length:
+            raw = np.frombuffer(b''.join(payload for _, payload in group), np.uint8)
+            yield Messages(times[[k for k, _ in group]], raw.reshape(-1, length))

@@ -1,0 +1,186 @@
+"""Which state each command answers: as the controller recorded it, or guessed for other bags."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from parallel_robot.bags.messages.message_arrays import LARGEST, Samples
+from parallel_robot_control.contract import JointReference
+
+NONE = np.zeros(0, np.int64)
+EXTRAPOLATED = ('position', 'velocity', 'acceleration')
+MIX = np.uint64(0x9E3779B97F4A7C15)  # odd: powers of it tell the joints apart
+
+
+class Answers(NamedTuple):
+    """Commands of a run with the states that they answer, in their order.
+
+    Attributes:
+        states: Stamp of the state that each answers [ns], shape (R,); 0: it answers none.
+        references: Stamp of the reference that it used [ns], shape (R,).
+        acts: Time from which on it acts, as far as the controller knew [ns], shape (R,).
+        torque: The commands [N m], NaN where they are not ones, shape (R, n).
+        lost: When the records of commands were heard that are between the first and the last one
+            and that the bag lacks [ns].
+        gaps: When the commands were heard with which records begin anew [ns].
+    """
+
+    states: np.ndarray
+    references: np.ndarray
+    acts: np.ndarray
+    torque: np.ndarray
+    lost: np.ndarray = NONE
+    gaps: np.ndarray = NONE
+
+
+class Used(NamedTuple):
+    """References that the controller used.
+
+    Attributes:
+        stamps: Stamp of the reference used at each state [ns], shape (N,); 0 without an answer.
+        acts: Time from which on the torque of each state acts [ns], shape (N,).
+        late: Whether a newer one for that time came too late, shape (N,).
+        older: The states for which another reference counts than that of their stamp, shape (K,).
+        samples: References of those states as they were published, each shape (K, n).
+    """
+
+    stamps: np.ndarray
+    acts: np.ndarray
+    late: np.ndarray
+    older: np.ndarray
+    samples: JointReference
+
+    def rows(self, chosen: np.ndarray) -> Used:
+        """The references of some states, by their numbers in order."""
+        inside = np.isin(self.older, chosen)
+        samples = JointReference(*(row[inside] for row in self.samples))
+        older = np.searchsorted(chosen, self.older[inside])
+        return Used(self.stamps[chosen], self.acts[chosen], self.late[chosen], older, samples)
+
+
+def recorded(messages: Sequence[Samples], commands: Samples) -> Answers | None:
+    """What the controller recorded of its answers.
+
+    Args:
+        messages: Messages on ``controller/answered``; those without a torque of each joint are
+            ignored.
+        commands: All commands of the bag.
+
+    Returns:
+        The answers; None when there is none of a command of the bag.
+    """
+    torques = commands.numbers['data']
+    width = 3 + torques.shape[1]
+    parts = [
+        (part.log_times, part.numbers['data'].reshape(len(part.stamps), -1, width))
+        for part in messages
+        if 'data' in part.numbers and part.numbers['data'].shape[1] % width == 0
+    ]
+    if not parts:
+        return None
+    times, ends = (
+        np.concatenate([np.repeat(key(*part), part[1].shape[1]) for part in parts])
+        for key in (lambda times, _: times, lambda _, rows: rows[:, :, 0].max(axis=1))
+    )
+    rows = np.concatenate([rows.reshape(-1, width) for _, rows in parts])
+    order = np.lexsort((ends, times))
+    rows, times = rows[order], times[order]
+    torque = rows[:, 3:].copy().view(float)
+    kept, told = among(torque, torques), among(torques, torque)
+    if not kept.any():
+        return None
+    torque[~(np.abs(torque) <= LARGEST).all(axis=1)] = np.nan
+    (begin, end), (first, last) = (np.flatnonzero(known)[[0, -1]] for known in (kept, told))
+    lost = begin + np.flatnonzero(~kept[begin:end])
+    gaps = first + 1 + np.flatnonzero(~told[first:last] & told[first + 1 : last + 1])
+    states, references, acts = rows[:, :3].T
+    return Answers(states, references, acts, torque, times[lost], commands.log_times[gaps])
+
+
+def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Which torques are among others, bit for bit, shape (N,); both shape (., n)."""
+    some, all_others = _key(torques), _key(others)
+    if np.array_equal(some, all_others):  # nothing is lost
+        return np.ones(len(some), bool)
+    if not len(all_others):
+        return np.zeros(len(some), bool)
+    ordered = np.sort(all_others)  # several times as fast as np.isin
+    found: np.ndarray = ordered[np.minimum(np.searchsorted(ordered, some), len(ordered) - 1)]
+    return found == some
+
+
+def _key(torques: np.ndarray) -> np.ndarray:
+    """A number for each row of torques, another one for other bits, shape (N,)."""
+    factors = MIX ** np.arange(torques.shape[1], dtype=np.uint64)
+    key: np.ndarray = np.ascontiguousarray(torques).view(np.uint64) @ factors
+    return key
+
+
+def by_state(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
+    """Command that answers each state, -1 where there is none, shape (N,).
+
+    Args:
+        stamps: Stamps of the states [ns], shape (N,).
+        states: Stamp of the state that each command answers [ns], shape (M,).
+    """
+    order = np.argsort(stamps, kind='stable')
+    at = np.searchsorted(stamps, states, side='right', sorter=order) - 1
+    at = order[np.maximum(at, 0)]  # the last one of those with this stamp
+    found = stamps[at] == states
+    command = np.full(len(stamps), -1)
+    command[at[found]] = np.flatnonzero(found)
+    return command
+
+
+def used(stamps: np.ndarray, acts: np.ndarray, known: np.ndarray, references: Samples) -> Used:
+    """Find the references that were used.
+
+    Args:
+        stamps: Stamps of the states [ns], shape (N,).
+        acts: Time from which on the torque of each state acts [ns], shape (N,).
+        known: Stamp of the reference used at each state [ns], shape (N,); 0: none.
+        references: All references; where the bag lacks one, the one before takes its place.
+    """
+    order = np.argsort(references.stamps, kind='stable')
+    ordered = references.stamps[order]
+    at = np.maximum(np.searchsorted(ordered, known, side='right') - 1, 0)
+    newest = np.searchsorted(ordered, acts, side='right') - 1
+    answered = (known > 0) & (ordered[at] > 0)  # a stamp of zero is not a time
+    found = np.where(answered, ordered[at], 0)
+    older = np.flatnonzero(answered & ((found != acts) | (acts != stamps)))
+    samples = [references.numbers[name][order[at[older]]] for name in EXTRAPOLATED]
+    late = answered & (found < ordered[newest])
+    return Used(found, acts, late, older, JointReference(*samples))
+
+
+def guess(states: Samples, commands: Samples, whole: bool = True) -> tuple[Answers, bool]:
+    """Guess the state that each command answers, for bags that do not say.
+
+    The k-th answers the k-th, except for zeros that the controller sent on its own: at its end,
+    or when no states came. Where some of either are lost, a command answers the newest state that
+    was recorded before it, which is exact in lockstep.
+
+    Args:
+        states: All states of the bag.
+        commands: All commands of the bag.
+        whole: Whether both begin with the bag; else the k-th need not answer the k-th.
+
+    Returns:
+        The answers, with the state for the reference; whether none of either is lost.
+    """
+    torques, count = commands.numbers['data'], len(states.stamps)
+    order = np.arange(len(torques))
+    zeros = np.flatnonzero(~torques.any(axis=1))
+    if 0 < len(torques) - count <= len(zeros):
+        order = np.delete(order, zeros[count - len(torques) :])
+    stamps = np.zeros(len(torques), np.int64)
+    sure = whole and len(order) == count
+    if sure:
+        stamps[order] = states.stamps
+    else:
+        newest = np.searchsorted(states.log_times, commands.log_times, side='right') - 1
+        stamps[newest >= 0] = states.stamps[newest[newest >= 0]]
+    return Answers(stamps, stamps, stamps, torques), sure

@@ -1,0 +1,174 @@
+"""A run as time-aligned arrays, and parts of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot.bags.run.command_states import Answers, Used
+from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot_control.contract import JointReference
+from parallel_robot_model.common.errors import BagError, WholeNeededError
+from parallel_robot_model.common.units import JointUnits
+from parallel_robot_model.robots.configuration import units_of
+
+EMPTY = np.zeros((0, 0))
+
+
+class RunLog(NamedTuple):
+    """A recorded run with one row for each state, the reference at the stamp of the state.
+
+    Attributes:
+        scenario: Name of the scenario.
+        law: Name of the law.
+        joints: Names of the actuated joints.
+        config: The resolved configuration.
+        start_stamp: Stamp of t = 0 [ns].
+        stamps: Stamps of the states [ns], shape (N,).
+        time: Stamps since t = 0 [s], shape (N,).
+        position: Measured actuated angles [rad], shape (N, n).
+        velocity: Measured actuated rates, NaN where the bag has none [rad/s], shape (N, n).
+        effort: Torques applied during the step that ended at the stamp; those commanded where the
+            bag has none [N m], shape (N, n).
+        reference_position: Desired angles [rad], shape (N, n).
+        reference_velocity: Desired rates [rad/s], shape (N, n).
+        reference_acceleration: Desired accelerations [rad/s^2], shape (N, n).
+        command: Commanded torques in the order of the messages [N m], shape (M, n).
+        messages: Counts per topic, by name without leading slash.
+        answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
+        heard: Log times of the states [ns], shape (N,).
+        answers: The commands with the states that they answer; None where the bag does not say.
+        used: References that the controller used; None in bags that do not say.
+        has_efforts: Whether the torques were measured, as far as the robot does.
+        warnings: What is wrong with the bag, one line each.
+        referenced: Whether a state has a reference of its time, as the controller sees it; without
+            one it has no error, shape (N,).
+        foreign: Whether the bag does not say of which robot it is: nothing is written into it
+            that nobody asked for.
+    """
+
+    scenario: str
+    law: str
+    joints: tuple[str, ...]
+    config: dict[str, Any]
+    start_stamp: int
+    stamps: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+    reference_position: np.ndarray
+    reference_velocity: np.ndarray
+    reference_acceleration: np.ndarray
+    command: np.ndarray
+    messages: dict[str, TopicCount]
+    answer: np.ndarray = EMPTY
+    heard: np.ndarray = EMPTY
+    answers: Answers | None = None
+    used: Used | None = None
+    has_efforts: bool = True
+    warnings: tuple[str, ...] = ()
+    referenced: np.ndarray = EMPTY
+    foreign: bool = False
+
+    @property
+    def units(self) -> JointUnits:
+        """Units of the joints, those of hinges where the robot is not known."""
+        return units_of(self.config)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The resolved configuration, as a run of the notebook calls it."""
+        return self.config
+
+    @property
+    def has_velocities(self) -> bool:
+        """Whether the rates of the joints were measured."""
+        return not np.isnan(self.velocity).any()
+
+    @property
+    def kind(self) -> tuple[bool, bool, bool]:
+        """Whether it has efforts, velocities, and the references that were used."""
+        return self.has_efforts, self.has_velocities, self.used is not None
+
+
+def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> RunLog:
+    """The states of a part of a run, with all its commands.
+
+    Args:
+        bag: The bag, for error messages.
+        log: The run.
+        start: From which time on [s]; None: from the first state.
+        stop: Up to which [s]; None: to the last one.
+
+    Raises:
+        BagError: there is no state in it.
+    """
+    if start is None and stop is None:
+        return log
+    chosen = within(log.time, start, stop)
+    if not len(chosen):
+        raise BagError(no_state(bag, float(log.time.min()), float(log.time.max())))
+    return rows(log, chosen)
+
+
+def no_state(bag: Path, first: float, last: float) -> str:
+    """That a part has no state of a bag whose states go from one time to another [s], in words."""
+    ends = f'from t = {first:.3f} s to {last:.3f} s'
+    return f'{bag} has no state between --from and --to: its states go {ends}'
+
+
+def within(time: np.ndarray, start: float | None, stop: float | None) -> np.ndarray:
+    """Numbers of the states from one time to another [s]."""
+    since, until = (-np.inf if start is None else start), (np.inf if stop is None else stop)
+    return np.flatnonzero((time >= since) & (time <= until))
+
+
+def head(log: RunLog, count: int) -> RunLog:
+    """The first states of a run, with all its commands."""
+    return rows(log, np.arange(count))
+
+
+def with_reference(log: RunLog) -> RunLog:
+    """The states of a run that have a reference of their time, with all its commands."""
+    if log.referenced.all():
+        return log
+    return rows(log, np.flatnonzero(log.referenced))
+
+
+def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
+    """Some states of a run, by their numbers in order, with all its commands."""
+    kept: dict[str, Any] = {
+        name: value[chosen]
+        for name, value in log._asdict().items()
+        if name != 'command' and isinstance(value, np.ndarray) and len(value)
+    }
+    return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
+
+
+def joined(first: RunLog, second: RunLog) -> RunLog:
+    """A part of a run and the next one; with the commands of the next one.
+
+    Raises:
+        WholeNeededError: they are of another kind.
+    """
+    if first.kind != second.kind:
+        raise WholeNeededError('the parts of the bag do not hold the same')
+    both: dict[str, Any] = {
+        name: np.concatenate([value, getattr(second, name)])
+        for name, value in first._asdict().items()
+        if name != 'command' and isinstance(value, np.ndarray)
+    }
+    used = second.used
+    if first.used is not None and used is not None:
+        one = first.used
+        used = Used(
+            np.concatenate([one.stamps, used.stamps]),
+            np.concatenate([one.acts, used.acts]),
+            np.concatenate([one.late, used.late]),
+            np.concatenate([one.older, len(one.stamps) + used.older]),
+            JointReference(*map(np.concatenate, zip(one.samples, used.samples, strict=True))),
+        )
+    return second._replace(**both, used=used)

@@ -1,0 +1,1 @@
+"""Bags written, recorded and recovered; the recorder node."""

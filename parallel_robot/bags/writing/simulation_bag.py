@@ -1,0 +1,245 @@
+"""The bag of a closed loop without ROS: the same topics, types and stamps as the nodes' bag."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags.files.certificate import Certificate
+from parallel_robot.bags.messages.message_rows import Rows
+from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.provenance.experiment import SIMULATION, describe
+from parallel_robot.bags.writing.bag_writer import BagWriter
+from parallel_robot_control import faults
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.estimator import delay_text
+from parallel_robot_control.extrapolation import moved_on
+from parallel_robot_control.messages import (
+    Status,
+    Telemetry,
+    answers_message,
+    reported_limits,
+    status_message,
+    telemetry_messages,
+)
+from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.hazard_times import HazardTimes
+from parallel_robot_model.messages import layouts, topics
+from parallel_robot_sim.course import Course
+from parallel_robot_sim.messages import ReportedEffort, state_layout, state_messages
+from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.messages import pose_messages, reference_messages
+
+AT_ONCE = 20_000  # samples whose messages are put together at once
+STAMPS = 3  # of an answer, before its torques
+RANKS = 16  # more than the topics of a sample: the order of its messages
+
+
+def save(directory: str | Path, values: Mapping[str, Any], parts: Iterable[Simulation]) -> None:
+    """Write a simulation as a bag, see :func:`write`.
+
+    Raises:
+        BagError: the directory exists or cannot be created.
+        RunError: the disk is full or gone.
+    """
+    try:
+        write(directory, values, parts)
+    except OSError as error:
+        raise RunError(f'cannot write {directory}: {error.strerror}') from None
+
+
+def write(directory: str | Path, values: Mapping[str, Any], parts: Iterable[Simulation]) -> None:
+    """Write a simulation as a bag, part by part as they come.
+
+    Args:
+        directory: Where the bag will be; must not exist. It is made when there is a first part.
+        values: The resolved configuration.
+        parts: The simulated run, in parts that follow one another; at least one.
+
+    Raises:
+        BagError: the directory exists or cannot be created.
+        OSError: the disk is full or gone.
+    """
+    coming = iter(parts)
+    part = next(coming)
+    loop, robot = part.experiment.loop, part.experiment.trajectory.robot
+    suite, count = topics.recorded(robot.place > 0), (loop.last_index or 0) + 1
+    facts = describe(loop, values, loop.step_start, SIMULATION)
+    sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
+    with BagWriter(directory, suite, facts) as writer, Progress(count, 'states written') as shown:
+        for name, source in sources:
+            writer.attach(name, source)
+        law = layouts.text_message(part.experiment.control.law.name)
+        writer.write(topics.ACTIVE_LAW.name, loop.step_start, law)
+        streams = _Streams(values)
+        while True:
+            following = next(coming, None)
+            done = 0
+            for some in _pieces(streams.of(part, following is None), part.run.steps):
+                writer.extend(some)
+                done += AT_ONCE
+                shown.show(part.first + min(done, part.run.steps))
+            if following is None:
+                break
+            part = following
+        writer.certificates = {
+            topic.name: Certificate(writer.written[topic.name], 0) for topic in suite
+        }
+
+
+def _pieces(streams: Sequence[Rows], count: int) -> Iterator[list[Rows]]:
+    """The messages of a part of a run of so many samples, AT_ONCE samples at a time."""
+    for begin in range(0, count, AT_ONCE):
+        limits = RANKS * np.array([begin, begin + AT_ONCE])
+        rows = [slice(*np.searchsorted(each.places, limits)) for each in streams]
+        yield [
+            Rows(each.topic, each.places[some], each.log_times[some], each.payloads[some])
+            for each, some in zip(streams, rows, strict=True)
+        ]
+
+
+class _Streams:
+    """The messages of a run, part by part: what a part hands on to the next."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self._passive: bool = values['plant.publish_passive']
+        self._effort: ReportedEffort | None = None
+        self._status: Status | None = None
+        self._limits = 0, 0  # those of the status, and when one acted [ns]
+        self._acts = 0  # ns, of the last state that was answered
+        self._answers: np.ndarray | None = None  # that no message tells yet
+
+    def of(self, part: Simulation, last: bool) -> list[Rows]:
+        """The messages of a part; `last`: whether it is the last one."""
+        experiment, reference, run = part.experiment, part.reference, part.run
+        loop, robot = experiment.loop, experiment.trajectory.robot
+        count = run.steps
+        course, samples = part.course, np.arange(count)
+        heard = course.heard.head(count)
+        begin = loop.step_start + part.first * loop.period_ns
+        stamps = begin + samples * loop.period_ns
+        acts = stamps - heard.late * loop.period_ns  # as the controller knows it
+        measured = acts - round(part.age * NANOSECONDS)
+        slow = due = samples[-part.first % topics.SLOW :: topics.SLOW]
+        if len(experiment.plant.hazards) and not part.first:
+            age_limit = experiment.plant.safety.state_age
+            times = HazardTimes(experiment.plant.hazards, loop.period, age_limit)
+            due = np.array(times.due(count, topics.SLOW), np.int64)
+        if self._effort is None:
+            self._effort = ReportedEffort(round(part.age / loop.period))
+        told = self._effort.of(run.effort[:count])[samples - np.maximum(heard.late, 0)]
+        passive = run.passive_position.shape[1] if self._passive else 0
+        layout = state_layout(loop.joints, passive)
+        states = state_messages(layout, measured, run, told)
+        commands = layouts.float64_multi_array(len(loop.joints)).records(
+            count, data=run.command[:count]
+        )
+        records = {
+            topics.JOINT_STATES: (samples[heard.told], _bytes_of(states)[heard.told]),
+            topics.REFERENCE: (
+                samples,
+                _bytes_of(reference_messages(loop.joints, stamps, reference)),
+            ),
+            topics.COMMANDS: (samples[heard.answered], _bytes_of(commands)[heard.answered]),
+        }
+        telemetry = _telemetry(part, course, due)
+        for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
+            records[topic] = due, _bytes_of(messages)
+        if robot.place:
+            shown = slow[course.shown[slow]]
+            poses = pose_messages(robot, stamps[shown], run.pose[shown])
+            records[topics.POSE] = shown, _bytes_of(poses)
+            poses = pose_messages(robot, stamps[slow], reference.pose[slow])
+            records[topics.POSE_REFERENCE] = slow, _bytes_of(poses)
+        known = begin + course.known * loop.period_ns
+        answered = np.flatnonzero(heard.answered)
+        asked = [measured[answered], known[answered - heard.late[answered]], acts[answered]]
+        answers = np.hstack([np.stack(asked, axis=1), run.command[answered].view(np.int64)])
+        logged = np.union1d(due, [count - 1] if last else due)
+        return [
+            self._statuses(part, course, measured, acts),
+            self._answered(logged, stamps, answered, answers),
+            *(
+                Rows(topic.name, RANKS * rows + rank, stamps[rows], messages)
+                for rank, (topic, (rows, messages)) in enumerate(records.items(), 2)
+            ),
+        ]
+
+    def _statuses(
+        self, part: Simulation, course: Course, measured: np.ndarray, acts: np.ndarray
+    ) -> Rows:
+        """Where the status changes."""
+        experiment, count = part.experiment, part.run.steps
+        answered = course.heard.answered[:count]
+        limits = reported_limits(
+            part.run.acted[:count], measured, answered, course.renewals, self._limits
+        )
+        last = np.maximum.accumulate(np.where(answered, np.arange(count), -1))
+        acted = np.where(last < 0, self._limits[0], limits[last])
+        since = np.where(last < 0, self._acts or acts[0], acts[last])
+        told = answered.copy()
+        told[[k for k in course.lost if k < count]] = True
+        rows = np.flatnonzero(told)
+        phases = part.phases
+        kinds = np.stack([part.run.fault[rows], acted[rows], phases[rows]], axis=1)
+        changes = np.any(np.diff(kinds, axis=0, prepend=kinds[:1] - 1), axis=1)
+        robot = experiment.trajectory.robot
+        known, units = faults.of(robot.module), robot.joint_units
+        chosen, messages = [], []
+        for k in rows[changes].tolist():
+            delay = delay_text(experiment.control.setup.estimator, int(phases[k]), units)
+            fault, law = known.get(int(part.run.fault[k])), experiment.control.law.name
+            now = Status(law, fault, int(acted[k]), delay)
+            if now != self._status:
+                self._status = now
+                chosen.append(k)
+                messages.append(status_message(int(since[k]), now))
+        acting = np.flatnonzero((part.run.acted[:count] != 0) & answered)
+        stamp = int(measured[acting[-1]]) if acting.size else self._limits[1]
+        self._limits, self._acts = (int(acted[-1]), stamp), int(since[-1])
+        places = np.array(chosen, np.int64)
+        return Rows(topics.STATUS.name, RANKS * places, since[places], messages)
+
+    def _answered(
+        self, logged: np.ndarray, stamps: np.ndarray, answered: np.ndarray, answers: np.ndarray
+    ) -> Rows:
+        """What the commands answer, told at the samples `logged`."""
+        before = answers[:0] if self._answers is None else self._answers
+        waiting = np.vstack([before, answers])
+        ends = len(before) + np.searchsorted(answered, logged, side='right')
+        some = np.diff(ends, prepend=0) > 0
+        places, ends = logged[some], ends[some].tolist()
+        messages = [
+            answers_message(waiting[a:b, :STAMPS], waiting[a:b, STAMPS:].view(np.float64))
+            for a, b in itertools.pairwise([0, *ends])
+        ]
+        self._answers = waiting[ends[-1] if ends else 0 :]
+        return Rows(topics.ANSWERED.name, RANKS * places + 1, stamps[places], messages)
+
+
+def _telemetry(part: Simulation, course: Course, due: np.ndarray) -> Telemetry:
+    """What the controller tells of its cycle at some samples."""
+    run, desired, late = part.run, course.reference, course.heard.late[due]
+    rows = (
+        each[due - late] for each in (desired.position, desired.velocity, desired.acceleration)
+    )
+    then = moved_on.py_func(  # type: ignore[attr-defined]
+        JointReference(*rows), -(part.age + part.delay[due])
+    )
+    return Telemetry(
+        then.position - run.position[due],
+        then.velocity - run.velocity[due],
+        run.coupled_error[due],
+        run.sliding_variable[due],
+    )
+
+
+def _bytes_of(messages: np.ndarray) -> np.ndarray:
+    """The bytes of messages, one row each: choosing records would lose what is between."""
+    return np.frombuffer(messages.tobytes(), np.uint8).reshape(len(messages), -1)
