@@ -23,10 +23,10 @@ from reliability import page
 
 from parallel_robot.studies.sweep import study
 from parallel_robot_control import assembly as control
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limit_codes
-from parallel_robot_control.safety import EFFORT, REFERENCE
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
 from parallel_robot_control.transitions import joining
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.hazard_times import UNTOLD

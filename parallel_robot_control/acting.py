@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.law_step import Asked
-from parallel_robot_control.safety import ZERO, Last, Limits, limit_torque, safe_torque
+from parallel_robot_control.prepared_laws.law_step import Asked
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import ZERO, Last, Limits, limit_torque, safe_torque
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, is_finite, select
 

@@ -9,15 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import faults, lock_in, safety
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, When
-from parallel_robot_control.estimator import KALMAN
+from parallel_robot_control.estimation import lock_in
+from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
-from parallel_robot_control.safety import OVERDUE, QUIET, Last
+from parallel_robot_control.safety import faults, limiting
+from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last
 from parallel_robot_control.shared_arrays import (
     ACTED,
     ACTED_AT,
@@ -269,7 +270,7 @@ def _close(
     """Note what a cycle did and when, and return the bits of the answer."""
     numbers, period = common.numbers, common.timing.period
     stamp, before = stamps.stamp, stamps.before
-    acts = acted + select(numbers[WAITS] != 0, safety.REFERENCE, 0)
+    acts = acted + select(numbers[WAITS] != 0, limiting.REFERENCE, 0)
     if acts:
         numbers[ACTED] |= acts
         numbers[ACTED_AT] = stamp

@@ -6,15 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory, delay_identification, faults
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
-from parallel_robot_control.estimator import estimator_of
-from parallel_robot_control.place_gradient import asked_of
-from parallel_robot_control.prepared_law import PreparedLaw, prepare
+from parallel_robot_control.estimation import cycle_memory, delay_identification
+from parallel_robot_control.estimation.estimator import estimator_of
+from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.repetition import repetition_of, rows
-from parallel_robot_control.safety import limits_of
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import limits_of
+from parallel_robot_control.terms.place_gradient import asked_of
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import Boxed, Space, vector
 from parallel_robot_model.processes.tuple_classes import distinguish
@@ -73,8 +74,9 @@ def assemble(
         )
     )
     if estimator.lock_in.on:
+        most = limits.value.torque, limits.value.rate, limits.value.speed
         delay_identification.check(
-            estimator.lock_in, limits.value, _inertia(configuration), robot.joint_units
+            estimator.lock_in, most, _inertia(configuration), robot.joint_units
         )
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     return Control(

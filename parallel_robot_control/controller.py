@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_control import configuration, faults, transitions
+from parallel_robot_control import configuration, transitions
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
     NO_REFERENCE,
@@ -22,18 +22,19 @@ from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_io import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.controller_state import ControllerState
-from parallel_robot_control.estimator import delay_text
+from parallel_robot_control.estimation.estimator import delay_text
 from parallel_robot_control.law_cores import LawCores
 from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_control.messages import LOST, Status
-from parallel_robot_control.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
     CONTRADICTS,
     LATE,
     RESTART,
 )
-from parallel_robot_control.safety import Limits
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import Limits
 from parallel_robot_control.shared_arrays import (
     ACTED,
     AGE,

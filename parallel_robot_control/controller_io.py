@@ -7,7 +7,7 @@ from typing import NamedTuple
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
 from parallel_robot_control.messages import Status, Telemetry
-from parallel_robot_control.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
 from parallel_robot_model.common.arrays import Array
 
 STATE_FIELDS = ('position', 'velocity', 'effort')

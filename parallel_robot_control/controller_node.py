@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import configuration, faults
+from parallel_robot_control import configuration
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
@@ -36,8 +36,9 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
-from parallel_robot_control.refused_states import RefusedStates
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
+from parallel_robot_control.safety import faults
+from parallel_robot_control.states.refused_states import RefusedStates
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics

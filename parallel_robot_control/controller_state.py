@@ -8,12 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_control import faults, law_core, transitions
+from parallel_robot_control import law_core, transitions
 from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
 from parallel_robot_control.reference_buffer import ReferenceBuffer
+from parallel_robot_control.safety import faults
 from parallel_robot_control.shared_arrays import (
     AGE,
     ANSWERS,

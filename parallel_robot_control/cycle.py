@@ -6,11 +6,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory, faults, kalman, kalman_memory, lock_in, repetition
+from parallel_robot_control import repetition
 from parallel_robot_control.acting import act
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimator import (
+from parallel_robot_control.estimation import (
+    cycle_memory,
+    kalman,
+    kalman_memory,
+    lock_in,
+)
+from parallel_robot_control.estimation.estimator import (
     AGED,
     FILTER,
     KALMAN,
@@ -20,12 +26,13 @@ from parallel_robot_control.estimator import (
     estimated,
 )
 from parallel_robot_control.extrapolation import moved_on
-from parallel_robot_control.law_step import Asked
-from parallel_robot_control.place_gradient import NO_PLACE, place_gradient
-from parallel_robot_control.safety import EFFORT, Last
+from parallel_robot_control.prepared_laws.law_step import Asked
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import EFFORT, Last
+from parallel_robot_control.safety.state_consistency import inconsistent
+from parallel_robot_control.safety.torque_arrival import TOLD, arrival
 from parallel_robot_control.sensing import sense
-from parallel_robot_control.state_consistency import inconsistent
-from parallel_robot_control.torque_arrival import TOLD, arrival
+from parallel_robot_control.terms.place_gradient import NO_PLACE, place_gradient
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import (
     FirstClass,

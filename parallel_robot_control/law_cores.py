@@ -7,7 +7,7 @@ from typing import Any
 from parallel_robot_control.assembly import assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
-from parallel_robot_control.prepared_law import renewed
+from parallel_robot_control.prepared_laws.prepared_law import renewed
 
 
 class LawCores:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import safety
-from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_control.safety import limiting
+from parallel_robot_control.terms.coupling import synchronisation_error
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.robots.contract import Fault
@@ -81,7 +81,7 @@ def reported_limits(
         shown = 0 if k in begins else shown
         if acted[k]:
             shown, last = shown | int(acted[k]), int(stamps[k])
-        elif stamps[k] - last >= safety.QUIET * NANOSECONDS:
+        elif stamps[k] - last >= limiting.QUIET * NANOSECONDS:
             shown = 0
         told[k] = shown
     return told
@@ -139,12 +139,12 @@ def answers_message(stamps: np.ndarray, torques: np.ndarray) -> bytes:
 
 def limits_text(acted: int) -> str:
     """The limits that acted, by name."""
-    return ', '.join(text for bit, text in safety.ACTED_TEXT.items() if acted & bit) or 'none'
+    return ', '.join(text for bit, text in limiting.ACTED_TEXT.items() if acted & bit) or 'none'
 
 
 def limit_codes(acted: int) -> str:
     """Codes of the limits that acted, separated by commas; empty when none did."""
-    return ','.join(code for bit, code in safety.ACTED_CODE.items() if acted & bit)
+    return ','.join(code for bit, code in limiting.ACTED_CODE.items() if acted & bit)
 
 
 def status_message(stamp: int, status: Status) -> bytes:

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import faults
-from parallel_robot_control.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.safety import Last, Limits, find_fault
-from parallel_robot_control.torque_effect import LOOKED_AT, is_resisted
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.braking import SHORT, too_fast, way_to_rest
+from parallel_robot_control.safety.limiting import Last, Limits, find_fault
+from parallel_robot_control.safety.torque_effect import LOOKED_AT, is_resisted
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, multiply, select, some
 from parallel_robot_model.robots.contract import Model

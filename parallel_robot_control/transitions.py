@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control import faults
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.cycle import CycleState, initial_state
-from parallel_robot_control.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import vector
 

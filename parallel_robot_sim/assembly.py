@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
-from parallel_robot_control.safety import SafetyParameters, safe_action
+from parallel_robot_control.safety.limiting import SafetyParameters, safe_action
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration.hazards import KEY, Hazard, parse

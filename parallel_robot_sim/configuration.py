@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot_control import configuration as control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
-from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.groups import Declared, Groups, build
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of

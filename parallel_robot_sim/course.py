@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control import faults, safety
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.units import NANOSECONDS
@@ -166,7 +166,7 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
     stale, overdue = np.zeros((2, count), bool)
     stale[rows] = old[measured]
-    overdue[rows] = age[measured] > round(safety.OVERDUE * NANOSECONDS)
+    overdue[rows] = age[measured] > round(limiting.OVERDUE * NANOSECONDS)
     return Course(
         Heard(told, answered, late, dt),
         _known(reference, known, age, old),

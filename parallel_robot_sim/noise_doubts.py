@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control.estimator import MEASURED, kind_for
+from parallel_robot_control.estimation.estimator import MEASURED, kind_for
 from parallel_robot_sim.configuration import Configuration
 
 

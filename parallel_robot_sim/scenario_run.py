@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
+from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import InputError

@@ -11,8 +11,8 @@ from reliability import hosts
 from reliability.hosts import two_hosts
 from ros_fixtures import PATIENCE, SLOW_LOOP, STATE_TIMEOUT
 
-from parallel_robot_control import faults
-from parallel_robot_control.faults import STATES_STALE
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.faults import STATES_STALE
 
 pytest_plugins = ['ros_fixtures']
 

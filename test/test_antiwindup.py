@@ -8,8 +8,8 @@ from assembly import simulated
 from rig import Rig
 from vectors import on_vectors
 
-from parallel_robot_control import antiwindup
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.terms import antiwindup
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration import config
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_control import cycle_memory
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_model.compiler import kernel, vector
 
 DT = 1e-3

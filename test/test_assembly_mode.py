@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from rig import Rig
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.faults import NONE
 from parallel_robot_control.messages import LOST
+from parallel_robot_control.safety.faults import NONE
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr.margins import TYPE_2

@@ -21,8 +21,8 @@ from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.writing import bag_writer
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot_control.faults import FAULTS, SPEED
 from parallel_robot_control.messages import Status, status_message
+from parallel_robot_control.safety.faults import FAULTS, SPEED
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import layouts, topics
 

@@ -6,7 +6,7 @@ from geometry import ROBOT, jacobian, legs
 from rig import Rig
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.faults import FAULTS, NONE, SPEED, TOO_FAST
+from parallel_robot_control.safety.faults import FAULTS, NONE, SPEED, TOO_FAST
 from parallel_robot_model.robots.planar_3rrr.margins import TYPE_2
 
 PUSHED = {'safety__effort_tolerance': 0.0, 'safety__residual_limit': 0.0}  # by a strange hand

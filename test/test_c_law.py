@@ -19,9 +19,10 @@ from sweeping import TEXT, runs
 
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import controller_node, faults
+from parallel_robot_control import controller_node
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.foreign import law as foreign_law
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
 from parallel_robot_sim.configuration import configure, configure_plant

@@ -11,7 +11,7 @@ import yaml
 from parallel_robot.bags.custom_code import custom_sources
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.safety import SafetyParameters
+from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import assignments, config, config_files
 from parallel_robot_model.configuration.groups import group

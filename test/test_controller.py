@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from assembly import FAULTS
 
-from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import AHEAD, ANSWERED, OLD, STATUS
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
-from parallel_robot_control.faults import EMERGENCY_STOP, REFERENCE_STALE
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.faults import EMERGENCY_STOP, REFERENCE_STALE
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts

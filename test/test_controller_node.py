@@ -10,9 +10,10 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import controller, controller_state, refused_states
+from parallel_robot_control import controller, controller_state
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.faults import EMERGENCY_STOP, NONE, STATES_LATE, STATES_STALE
+from parallel_robot_control.safety.faults import EMERGENCY_STOP, NONE, STATES_LATE, STATES_STALE
+from parallel_robot_control.states import refused_states
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant

@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vectors import on_vectors
 
-from parallel_robot_control import coupling as ring
-from parallel_robot_control import switching_functions
-from parallel_robot_control.coupling import synchronisation_error
+from parallel_robot_control.terms import coupling as ring
+from parallel_robot_control.terms import switching_functions
+from parallel_robot_control.terms.coupling import synchronisation_error
 
 coupling, sig = on_vectors(ring.coupling), on_vectors(switching_functions.sig)
 ANY = st.integers(2, 8).flatmap(lambda n: rows(10.0, n))

@@ -12,9 +12,13 @@ from rig import Rig
 import parallel_robot as pr
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import law_loader, law_titles, law_trial
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.prepared_laws import (
+    law_loader,
+    law_titles,
+    law_trial,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Vector
 from parallel_robot_model.messages import topics
@@ -372,11 +376,11 @@ import numpy as np
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.compiler import multiply, select, vector
-from parallel_robot_control.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.terms.antiwindup import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput
-from parallel_robot_control.coupling import coupling
-from parallel_robot_control.integral import Integral, advanced, zero_integral
-from parallel_robot_control.switching_functions import saturate, sig
+from parallel_robot_control.terms.coupling import coupling
+from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
+from parallel_robot_control.terms.switching_functions import saturate, sig
 from parallel_robot_model.robots.contract import inverse_dynamics
 
 

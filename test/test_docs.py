@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from assembly import simulated
 
-from parallel_robot_control import faults, safety
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import parameters
 from parallel_robot_model.messages import layouts
@@ -65,7 +65,7 @@ def test_every_law_is_documented():
 def test_every_limit_is_in_the_table_of_safety():
     text = (DOCS / 'safety.md').read_text()
     table = text[text.index('| cause |') :]
-    for parameter in parameters(safety.SafetyParameters):
+    for parameter in parameters(limiting.SafetyParameters):
         where = text if parameter.key in ('action', 'damping', 'stiffness') else table
         assert parameter.key.replace('damping', 'damping').replace('stiffness', 'spring') in where
     assert len(table.splitlines()) >= len(faults.of(planar_3rrr))

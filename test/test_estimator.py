@@ -5,7 +5,7 @@ import pytest
 from assembly import simulate
 
 from parallel_robot import simulate as run_scenario
-from parallel_robot_control.estimator import (
+from parallel_robot_control.estimation.estimator import (
     FILTER,
     LEVANT,
     Estimated,

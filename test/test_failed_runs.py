@@ -9,7 +9,7 @@ from parallel_robot import simulate
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import faults
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 
 PUSHED = ['--duration', '1.5', '--set', 'disturbance.constant=[80,-80,50]']  # off its workspace

@@ -9,9 +9,9 @@ from replay_parts import assert_same_in_parts
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.controller import Controller
+from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration.hazards import KINDS
 from parallel_robot_model.configuration.loop import STEP_START
 from parallel_robot_sim.configuration import configure_plant

@@ -13,8 +13,8 @@ from parallel_robot.bags.files.record_names import MESSAGES
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot_control import faults, safety
 from parallel_robot_control.messages import Status, status_message
+from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.messages import topics
 
@@ -34,9 +34,11 @@ def at_rest(directory):
 def test_faults_limits_and_losses(tmp_path):
     told = [
         Status('pid', None, 0),
-        Status('pid', None, safety.RATE | safety.TORQUE),
+        Status('pid', None, limiting.RATE | limiting.TORQUE),
         Status(
-            'pid', faults.FAULTS[faults.EMERGENCY_STOP], safety.RATE | safety.TORQUE | safety.RAMP
+            'pid',
+            faults.FAULTS[faults.EMERGENCY_STOP],
+            limiting.RATE | limiting.TORQUE | limiting.RAMP,
         ),
         Status('smc', None, 0),
     ]

@@ -5,12 +5,12 @@ import pytest
 from assembly import simulate
 from scipy.linalg import expm
 
-from parallel_robot_control import cycle_memory, kalman
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.kalman_equations import DRIFT, SMOOTH, Kalman
-from parallel_robot_control.kalman_memory import AT_REST
+from parallel_robot_control.estimation import cycle_memory, kalman
+from parallel_robot_control.estimation.kalman_equations import DRIFT, SMOOTH, Kalman
+from parallel_robot_control.estimation.kalman_memory import AT_REST
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.configuration import config

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.cycle_memory import LEVELS
+from parallel_robot_control.estimation.cycle_memory import LEVELS
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure

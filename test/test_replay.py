@@ -22,13 +22,13 @@ from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import replay
-from parallel_robot_control import faults
 from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.messages import status_message
+from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.loop import STEP_START, LoopParameters

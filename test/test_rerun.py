@@ -19,7 +19,7 @@ from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import rerun, run
-from parallel_robot_control import faults
+from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.loop import LoopParameters

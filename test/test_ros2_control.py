@@ -16,7 +16,7 @@ from fmu_units import PERIOD
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import faults
+from parallel_robot_control.safety import faults
 
 FOLDER = Path(__file__).parent / 'ros2_control'
 JOINTS = ('joint1', 'joint2', 'joint3')

@@ -14,12 +14,14 @@ from rclpy.serialization import deserialize_message
 from rig import MS, Rig
 from vectors import on_vectors
 
-from parallel_robot_control import controller, controller_state, safety
+from parallel_robot_control import controller, controller_state
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_io import JointSample
-from parallel_robot_control.faults import (
+from parallel_robot_control.messages import status_message
+from parallel_robot_control.safety import limiting
+from parallel_robot_control.safety.faults import (
     EMERGENCY_STOP,
     NONE,
     POSITION_JUMP,
@@ -31,8 +33,7 @@ from parallel_robot_control.faults import (
     STATES_STALE,
     TORQUE_NOT_FINITE,
 )
-from parallel_robot_control.messages import status_message
-from parallel_robot_control.safety import (
+from parallel_robot_control.safety.limiting import (
     RAMP,
     RATE,
     TORQUE,
@@ -45,7 +46,7 @@ from parallel_robot_model.robots.planar_3rrr.margins import TYPE_1, TYPE_2
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md
 NARROW = {'safety.torque_limit': [100.0] * 3, 'safety.torque_rate': [60_000.0] * 3}
-limit_torque = on_vectors(safety.limit_torque)
+limit_torque = on_vectors(limiting.limit_torque)
 LIMITS = assemble(configure(config.resolve('paper_circle', NARROW))).setup.limits
 
 

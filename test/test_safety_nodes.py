@@ -14,8 +14,8 @@ from ros_fixtures import DAMPING, PERIOD, RECENT, SLOW_LOOP, STATE_TIMEOUT, Peer
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import faults
-from parallel_robot_control.faults import (
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.faults import (
     COMMANDS_DISAGREE,
     EMERGENCY_STOP,
     STATES_DISAGREE,

@@ -6,10 +6,10 @@ import pytest
 from bags import START
 
 from parallel_robot.bags.provenance.statuses import ControllerStatus, decoded
-from parallel_robot_control import faults
-from parallel_robot_control.faults import EMERGENCY_STOP
 from parallel_robot_control.messages import Status, status_message
-from parallel_robot_control.safety import ACTED_CODE, ACTED_TEXT, RAMP, TORQUE
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.faults import EMERGENCY_STOP
+from parallel_robot_control.safety.limiting import ACTED_CODE, ACTED_TEXT, RAMP, TORQUE
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_model.robots.registry import ROBOTS

@@ -7,9 +7,10 @@ import pytest
 from rig import SAMPLES, Rig
 
 from parallel_robot_control import assembly as control
-from parallel_robot_control import configuration, cycle_memory
+from parallel_robot_control import configuration
+from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.safety import RAMP
+from parallel_robot_control.safety.limiting import RAMP
 from parallel_robot_control.transitions import taking_over
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector

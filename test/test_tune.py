@@ -22,7 +22,7 @@ from parallel_robot.studies.tuning.space import at_ends, doubts, objection, spac
 from parallel_robot.studies.tuning.trial import Trial
 from parallel_robot.studies.tuning.tune import infeasible
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimator import EstimatorParameters
+from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration import parameter_file

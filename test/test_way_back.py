@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.safety import EFFORT
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import EFFORT
 from parallel_robot_model.configuration.hazards import parse
 
 TOLD = 0.2  # s

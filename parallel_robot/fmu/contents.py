@@ -13,9 +13,9 @@ from parallel_robot.fmu.loop_kernel import begin_loop, loop_instance, step_loop
 from parallel_robot.fmu.plant_kernel import PlantInstance, advance, plant_instance, tell_state
 from parallel_robot.fmu.variables import WORD, Rows, Variable, of_group
 from parallel_robot_control import assembly as control
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.safety import limits_of
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles

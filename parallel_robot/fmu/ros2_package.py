@@ -10,8 +10,8 @@ from xml.sax.saxutils import escape
 
 from parallel_robot.fmu.contents import Contents
 from parallel_robot.fmu.unit import code_of
-from parallel_robot_control import faults
 from parallel_robot_control.configuration import ControlConfiguration
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 
 NAME = re.compile('[a-z][a-z0-9]*(_[a-z0-9]+)*')  # REP 144

@@ -40,8 +40,8 @@ from parallel_robot.studies.sweep.store import RUNS
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.sweep import sweep as run_sweep
 from parallel_robot.studies.sweep.workers import Processes
-from parallel_robot_control import law_file, law_titles
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_control.prepared_laws import law_file, law_titles
 from parallel_robot_model.common.data_frames import Frame, pandas
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
 from parallel_robot_model.common.shown_result import ShownResult

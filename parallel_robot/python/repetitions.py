@@ -15,8 +15,8 @@ from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
-from parallel_robot_control import law_file
 from parallel_robot_control.configuration import resolve
+from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_sim.configuration import configure

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from parallel_robot_control.antiwindup import unless_saturated
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.integral import Integral
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.laws.s_fotsmc import Gains as Gains
 from parallel_robot_control.laws.s_fotsmc import Memory
+from parallel_robot_control.terms.antiwindup import unless_saturated
+from parallel_robot_control.terms.integral import Integral
 from parallel_robot_model.compiler import clip, kernel, multiply
 from parallel_robot_model.robots.contract import Model
 

@@ -11,7 +11,6 @@ import numpy as np
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.run.command_states import Used
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_control import faults
 from parallel_robot_control.assembly import Control, assemble
 from parallel_robot_control.batch import Batch, States, answer
 from parallel_robot_control.configuration import ControlConfiguration, changed, settings
@@ -20,7 +19,8 @@ from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.reference_buffer import RESTART
-from parallel_robot_control.safety import OVERDUE
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_control.transitions import (
     cleared,
     joining,

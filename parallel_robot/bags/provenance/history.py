@@ -11,8 +11,8 @@ from parallel_robot.bags.limits import is_name
 from parallel_robot.bags.provenance.experiment import suits
 from parallel_robot.bags.provenance.statuses import LIMIT_TEXT, ControllerStatus
 from parallel_robot.bags.reading.bag_reader import Bag
-from parallel_robot_control import faults
 from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.parameter_file import MOTION

@@ -10,12 +10,13 @@ from typing import Any, NamedTuple
 from parallel_robot.bags.limits import MESSAGE, STATUSES, is_name
 from parallel_robot.bags.messages.message_types import deserialize
 from parallel_robot.bags.reading.bag_reader import Messages
-from parallel_robot_control import messages, safety
+from parallel_robot_control import messages
+from parallel_robot_control.safety import limiting
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import STATUS, Topic
 
-LIMIT_TEXT = {safety.ACTED_CODE[bit]: text for bit, text in safety.ACTED_TEXT.items()}
+LIMIT_TEXT = {limiting.ACTED_CODE[bit]: text for bit, text in limiting.ACTED_TEXT.items()}
 
 
 class ControllerStatus(NamedTuple):

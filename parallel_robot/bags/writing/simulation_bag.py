@@ -15,9 +15,8 @@ from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.progress import Progress
 from parallel_robot.bags.provenance.experiment import SIMULATION, describe
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot_control import faults
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimator import delay_text
+from parallel_robot_control.estimation.estimator import delay_text
 from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.messages import (
     Status,
@@ -27,6 +26,7 @@ from parallel_robot_control.messages import (
     status_message,
     telemetry_messages,
 )
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.hazard_times import HazardTimes

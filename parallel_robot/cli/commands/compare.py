@@ -25,8 +25,8 @@ from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.window import add_window_arguments
-from parallel_robot_control import law_file
 from parallel_robot_control.configuration import available, resolve
+from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES

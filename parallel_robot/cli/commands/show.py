@@ -18,8 +18,8 @@ from parallel_robot.cli.commands.simulate import (
     add_set_argument,
     given_layers,
 )
-from parallel_robot_control import law_file
 from parallel_robot_control.configuration import load
+from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.printable import clean, printable

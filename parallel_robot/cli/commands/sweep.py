@@ -11,7 +11,7 @@ from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import sweep
-from parallel_robot_control import law_file
+from parallel_robot_control.prepared_laws import law_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from parallel_robot_control.configuration import available
 from parallel_robot_control.foreign.names import file_beside
-from parallel_robot_control.law_loader import is_file
+from parallel_robot_control.prepared_laws.law_loader import is_file
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 SHIPPED = 'of the suite'

@@ -7,12 +7,17 @@ from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory
 from parallel_robot_control.contract import Law
-from parallel_robot_control.delay_identification import LockInParameters, lock_in_of, result, text
-from parallel_robot_control.kalman_equations import Kalman
-from parallel_robot_control.kalman_memory import MOST
-from parallel_robot_control.lock_in import LockIn
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.estimation.delay_identification import (
+    LockInParameters,
+    lock_in_of,
+    result,
+    text,
+)
+from parallel_robot_control.estimation.kalman_equations import Kalman
+from parallel_robot_control.estimation.kalman_memory import MOST
+from parallel_robot_control.estimation.lock_in import LockIn
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, JointUnits

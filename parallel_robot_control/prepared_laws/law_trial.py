@@ -20,7 +20,7 @@ import numpy as np
 from numba import typeof
 
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.law_output import leaves, wrong_shapes
+from parallel_robot_control.prepared_laws.law_output import leaves, wrong_shapes
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import as_arrays, as_vectors
 from parallel_robot_model.configuration import fields

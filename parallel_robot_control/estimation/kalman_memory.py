@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory
-from parallel_robot_control.cycle_memory import MEAN, RUNNING, SAMPLE, SIZE, VARIANCE
-from parallel_robot_control.kalman_equations import Kalman, Mean, Variance
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.estimation.cycle_memory import MEAN, RUNNING, SAMPLE, SIZE, VARIANCE
+from parallel_robot_control.estimation.kalman_equations import Kalman, Mean, Variance
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, read_at, select, vector, write_at
 

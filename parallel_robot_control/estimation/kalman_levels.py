@@ -12,8 +12,8 @@ Sources:
 
 from __future__ import annotations
 
-from parallel_robot_control.cycle_memory import LEVELS
-from parallel_robot_control.kalman_equations import Kalman
+from parallel_robot_control.estimation.cycle_memory import LEVELS
+from parallel_robot_control.estimation.kalman_equations import Kalman
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, read_at, select, write_at
 

@@ -10,10 +10,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory, kalman_levels
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.kalman_equations import Kalman, Mean, corrected, moved, sign, spread
-from parallel_robot_control.kalman_memory import MOST, begin, read, running, write
+from parallel_robot_control.estimation import cycle_memory, kalman_levels
+from parallel_robot_control.estimation.kalman_equations import (
+    Kalman,
+    Mean,
+    corrected,
+    moved,
+    sign,
+    spread,
+)
+from parallel_robot_control.estimation.kalman_memory import MOST, begin, read, running, write
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import inner, kernel, multiply, select
 from parallel_robot_model.robots.contract import Model

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_control import law_loader
+from parallel_robot_control.prepared_laws import law_loader
 from parallel_robot_model.configuration import modules
 from parallel_robot_model.configuration.fields import plain
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.lock_in import (
+from parallel_robot_control.estimation.lock_in import (
     APART,
     DELAY,
     END,
@@ -23,7 +23,6 @@ from parallel_robot_control.lock_in import (
     WAITING,
     LockIn,
 )
-from parallel_robot_control.safety import Limits
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, JointUnits
@@ -79,12 +78,17 @@ def lock_in_of(
     )
 
 
-def check(lock_in: LockIn, limits: Limits, inertia: Array, units: JointUnits = HINGES) -> None:
+def check(
+    lock_in: LockIn,
+    most: tuple[Array, Array, Array],
+    inertia: Array,
+    units: JointUnits = HINGES,
+) -> None:
     """Refuse a sine for which the safety limits leave no room.
 
     Args:
         lock_in: The lock-in.
-        limits: Limits of torque, rate and speed.
+        most: Limits of torque, of its rate and of joint speed.
         inertia: Inertia matrix at the beginning [kg m^2], shape (n, n).
         units: Units of the joints.
 
@@ -94,9 +98,9 @@ def check(lock_in: LockIn, limits: Limits, inertia: Array, units: JointUnits = H
     torque, frequency = np.asarray(lock_in.torque), lock_in.frequency
     speed = np.abs(np.linalg.solve(inertia, torque)) / frequency
     for takes, limit, key, unit in (
-        (torque, limits.torque, 'torque_limit', 'N m'),
-        (frequency * torque, limits.rate, 'torque_rate', 'N m/s'),
-        (speed, limits.speed, 'speed_limit', 'rad/s'),
+        (torque, most[0], 'torque_limit', 'N m'),
+        (frequency * torque, most[1], 'torque_rate', 'N m/s'),
+        (speed, most[2], 'speed_limit', 'rad/s'),
     ):
         over = np.flatnonzero(takes > LIMIT_SHARE * np.asarray(limit))
         if over.size:

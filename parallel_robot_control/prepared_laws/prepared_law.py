@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numba import typeof
 
-from parallel_robot_control import faults, law_output, law_trial
 from parallel_robot_control.contract import (
     ControlOutput,
     Feedback,
@@ -16,8 +15,10 @@ from parallel_robot_control.contract import (
     JointReference,
     Law,
 )
-from parallel_robot_control.law_step import Asked, LawParts, stepping
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.prepared_laws import law_output, law_trial
+from parallel_robot_control.prepared_laws.law_step import Asked, LawParts, stepping
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import (

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory, faults
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import clip, every, inner, read_at, select, some, write_at
 

@@ -6,7 +6,8 @@ import math
 import time
 from collections.abc import Callable
 
-from parallel_robot_control import faults, state_warnings
+from parallel_robot_control.safety import faults
+from parallel_robot_control.states import state_warnings
 from parallel_robot_model.common.units import NANOSECONDS
 
 LATELY = 0.2  # s, since a state was refused, in which that is told

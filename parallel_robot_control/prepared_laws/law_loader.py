@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from types import ModuleType
 from typing import cast
 
-from parallel_robot_control import law_titles
 from parallel_robot_control.contract import Law
 from parallel_robot_control.foreign import source
+from parallel_robot_control.prepared_laws import law_titles
 from parallel_robot_model.processes import custom_module
 from parallel_robot_model.processes.custom_module import RAISED
 from parallel_robot_model.processes.trial_process import LIMIT, step

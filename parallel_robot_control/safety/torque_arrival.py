@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control import cycle_memory
-from parallel_robot_control.cycle_memory import LOST, SPELL
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.estimation.cycle_memory import LOST, SPELL
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.compiler import clip, inner, read_at, select, some, write_at
 

@@ -1,0 +1,1 @@
+"""What the controller takes for the motion of the joints, and how old it is."""

@@ -1,0 +1,1 @@
+"""Laws made ready: found by name or file, tried, compiled."""

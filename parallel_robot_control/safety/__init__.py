@@ -1,0 +1,1 @@
+"""Faults, limits, and the checks that find out that something is wrong."""

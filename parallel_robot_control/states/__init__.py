@@ -1,0 +1,1 @@
+"""Joint states that arrive: how often, which are refused, and what is said of it."""

@@ -1,0 +1,1 @@
+"""Terms that laws are made of."""
