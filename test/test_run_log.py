@@ -285,7 +285,7 @@ def test_reading_needs_no_ros(tmp_path):
     write_foreign(tmp_path / 'bag', streams(REFERENCE, POSITION))
     code = (
         'import sys; from pathlib import Path\n'
-        'from parallel_robot.bags import recording\n'
+        'from parallel_robot.bags.run import recording\n'
         f'log = recording.read(Path({str(tmp_path / "bag")!r})).log\n'
         'print(len(log.time), "rclpy" in sys.modules)\n'
     )
