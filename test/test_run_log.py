@@ -395,6 +395,7 @@ def test_messages_of_other_publishers_are_left_out(record):
         ]
     log = record(found)
     assert np.array_equal(log.position, CALM) and np.array_equal(log.effort, EFFORT)
+    assert counts(log) == dict.fromkeys(counts(log), (COUNT, 0)) and len(counts(log)) == 3
     gripper, positions, _ = log.warnings
     assert '10 messages on joint_states are of other joints (gripper)' in gripper
     assert '10 of 110 messages on joint_states have no velocity' in positions

@@ -21,6 +21,7 @@ from parallel_robot.bags.run.command_states import Answers, Used
 from parallel_robot.bags.run.counts import count
 from parallel_robot.bags.run.run_log import RunLog, rows, within
 from parallel_robot.bags.run.state_doubts import beyond, doubts, flipped, too_strong
+from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.states.state_rhythm import StateRhythm
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
@@ -29,8 +30,6 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_sim.imperfections import reported_age
-
-REFERENCE_FIELDS = ('position', 'velocity', 'acceleration')
 
 
 def aligned(
@@ -56,7 +55,7 @@ def aligned(
     """
     (values, loop, start), known = settings, bool(found.metadata)
     units, age, view = units_of(values), reported_age(values), view.of(known)
-    states, references, commands, recorded, warnings = run_messages.of(
+    states, references, commands, recorded, counted, warnings = run_messages.of(
         bag, found, streams, loop.joints, units
     )
     if not start and span == WHOLE:  # of a part it is known
@@ -110,7 +109,7 @@ def aligned(
         _commanded(answer) if effort is None else effort,
         *desired,
         commands.numbers['data'],
-        count(streams, loop.period_ns, recorded, states_period, span),
+        count(counted, loop.period_ns, recorded, states_period, span),
         answer,
         states.log_times[used],
         answers,

@@ -32,6 +32,7 @@ class RunMessages(NamedTuple):
         references: In the order of their stamps.
         commands: In their own order, NaN where no robot can obey.
         recorded: The commands with the states that they answer; None where the bag does not say.
+        streams: All messages of its topics, those of other publishers left out.
         warnings: What was left out or put in order, one line each.
     """
 
@@ -39,6 +40,7 @@ class RunMessages(NamedTuple):
     references: Samples
     commands: Samples
     recorded: Answers | None
+    streams: Mapping[Topic, list[Samples]]
     warnings: list[str]
 
 
@@ -91,7 +93,7 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
-    return RunMessages(states, references, commands, recorded, warnings)
+    return RunMessages(states, references, commands, recorded, streams, warnings)
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
