@@ -9,11 +9,11 @@ import numpy as np
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
-from parallel_robot_control.estimation import cycle_memory, delay_identification
+from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.estimator import estimator_of
 from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.repetition import repetition_of, rows
-from parallel_robot_control.safety import faults
+from parallel_robot_control.safety import faults, lock_in_limits
 from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_control.terms.place_gradient import asked_of
 from parallel_robot_model.common.arrays import Array
@@ -74,9 +74,8 @@ def assemble(
         )
     )
     if estimator.lock_in.on:
-        most = limits.value.torque, limits.value.rate, limits.value.speed
-        delay_identification.check(
-            estimator.lock_in, most, _inertia(configuration), robot.joint_units
+        lock_in_limits.check(
+            estimator.lock_in, limits.value, _inertia(configuration), robot.joint_units
         )
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     return Control(

@@ -10,12 +10,7 @@ from parallel_robot_control import repetition
 from parallel_robot_control.acting import act
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimation import (
-    cycle_memory,
-    kalman,
-    kalman_memory,
-    lock_in,
-)
+from parallel_robot_control.estimation import cycle_memory, kalman, kalman_memory, lock_in
 from parallel_robot_control.estimation.estimator import (
     AGED,
     FILTER,

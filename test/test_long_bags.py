@@ -17,11 +17,7 @@ from parallel_robot.analysis.running_timing import RunningTiming
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.reading import indexed_reader, window_streams
 from parallel_robot.bags.reading.bag_view import BagView
-from parallel_robot.bags.run import (
-    recorded_robot,
-    recording,
-    run_log,
-)
+from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main

@@ -12,11 +12,7 @@ from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_
 from mcap.writer import Writer
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags.run import (
-    recording,
-    run_log,
-    state_doubts,
-)
+from parallel_robot.bags.run import recording, run_log, state_doubts
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, KinematicsError

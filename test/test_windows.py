@@ -12,11 +12,7 @@ from parallel_robot.bags.files import bag_files, mcap_records
 from parallel_robot.bags.reading import indexed_reader, window_streams
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader
-from parallel_robot.bags.run import (
-    bag_difference,
-    gathered_run,
-    recording,
-)
+from parallel_robot.bags.run import bag_difference, gathered_run, recording
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError

@@ -24,12 +24,7 @@ from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.messages.span import LAST
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import (
-    recorded_robot,
-    recording,
-    run_log,
-    stretches,
-)
+from parallel_robot.bags.run import recorded_robot, recording, run_log, stretches
 from parallel_robot.bags.run.counts import TopicCount
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording

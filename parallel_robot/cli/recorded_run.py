@@ -13,11 +13,7 @@ from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.reading.bag_view import AS_RECORDED
-from parallel_robot.bags.run import (
-    recorded_robot,
-    run_log,
-    stretches,
-)
+from parallel_robot.bags.run import recorded_robot, run_log, stretches
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length

@@ -29,7 +29,6 @@ from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 
-LIMIT_SHARE = 0.5  # share of a safety limit that the sine may take
 LEAST = 4, 20  # samples of an oscillation, oscillations
 
 
@@ -76,43 +75,6 @@ def lock_in_of(
         most,
         memory,
     )
-
-
-def check(
-    lock_in: LockIn,
-    most: tuple[Array, Array, Array],
-    inertia: Array,
-    units: JointUnits = HINGES,
-) -> None:
-    """Refuse a sine for which the safety limits leave no room.
-
-    Args:
-        lock_in: The lock-in.
-        most: Limits of torque, of its rate and of joint speed.
-        inertia: Inertia matrix at the beginning [kg m^2], shape (n, n).
-        units: Units of the joints.
-
-    Raises:
-        InputError: it takes more than half of a limit.
-    """
-    torque, frequency = np.asarray(lock_in.torque), lock_in.frequency
-    speed = np.abs(np.linalg.solve(inertia, torque)) / frequency
-    for takes, limit, key, unit in (
-        (torque, most[0], 'torque_limit', 'N m'),
-        (frequency * torque, most[1], 'torque_rate', 'N m/s'),
-        (speed, most[2], 'speed_limit', 'rad/s'),
-    ):
-        over = np.flatnonzero(takes > LIMIT_SHARE * np.asarray(limit))
-        if over.size:
-            i = int(over[0])
-            value = float(torque[i]) * LIMIT_SHARE * float(limit[i]) / float(takes[i])
-            told = units.one(i).of
-            raise InputError(
-                f'lock_in.torque must be at most {value:.3g} {told("N m")} at joint {i + 1}, not '
-                f'{torque[i]:g}: it takes {takes[i]:.3g} {told(unit)} of safety.{key}, '
-                f'{limit[i]:g}',
-                'lock_in.torque',
-            )
 
 
 class Result(NamedTuple):

@@ -12,11 +12,7 @@ from parallel_robot.bags.messages.message_arrays import Samples
 from parallel_robot.bags.messages.span import WHOLE, Span
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import (
-    command_states,
-    run_messages,
-    state_references,
-)
+from parallel_robot.bags.run import command_states, run_messages, state_references
 from parallel_robot.bags.run.command_states import Answers, Used
 from parallel_robot.bags.run.counts import count
 from parallel_robot.bags.run.run_log import RunLog, rows, within

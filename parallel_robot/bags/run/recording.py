@@ -13,11 +13,7 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages import message_arrays, planned_motion
 from parallel_robot.bags.messages.message_arrays import LOG, Broken, Samples, whole
 from parallel_robot.bags.messages.span import FIRST, LAST, WHOLE, Span
-from parallel_robot.bags.provenance import (
-    experiment,
-    history,
-    statuses,
-)
+from parallel_robot.bags.provenance import experiment, history, statuses
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.reading import bag_reader
@@ -25,11 +21,7 @@ from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.reading.window_streams import SLACK, Window, windows
-from parallel_robot.bags.run import (
-    motion_alone,
-    run_log,
-    run_topics,
-)
+from parallel_robot.bags.run import motion_alone, run_log, run_topics
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import BagError, WholeNeededError

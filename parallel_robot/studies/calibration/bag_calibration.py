@@ -15,11 +15,7 @@ from parallel_robot.bags import new_files
 from parallel_robot.bags.reading import pose_topics
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.pose_topics import StampedPoses
-from parallel_robot.bags.run import (
-    recorded_robot,
-    recording,
-    run_log,
-)
+from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
