@@ -88,7 +88,7 @@ test: setup ## check style, types and layers, then run the tests, but for those 
 warm: setup
 	PYTHONPATH=. $(BIN)/python test/warm.py
 
-endurance: setup ## run the tests that must wait: cut links, killed processes, a loop that lives on
+endurance: setup ## run the tests that must wait, or repeat a proof at length: cut links, whole programs of the pages
 	$(TESTS) -m endurance
 
 clean: ## remove .venv and everything built; runs/ stays

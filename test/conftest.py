@@ -51,12 +51,13 @@ LONG = (  # tests that take as long as all others without processes together
     ),
     *('site', 'vectors', 'video'),
 )
-FIRST = (  # the files that take longest: the workers then end together
+FIRST = (  # files that take longest, in either run: the workers then end together
     *('python', 'hostile_bags', 'custom_laws', 'run', 'limit', 'custom_trajectories', 'fmu'),
     *('live_page', 'safety_nodes', 'nodes', 'calibrate', 'notebook', 'start', 'custom_import'),
     *('custom_robots', 'replay', 'recover', 'identification', 'vectors', 'laws_on_robots'),
     *('cluster', 'benchmark', 'benchmarks', 'tune', 'report', 'site', 'rerun', 'across_hosts'),
     *('lockstep', 'bus', 'kernel_cache', 'sweep', 'command_line', 'hostile_messages'),
+    'every_processor',
 )
 LONGEST = 200  # characters of a value in the name of a test
 STARTS = ('subprocess.Popen', 'os.fork', 'os.posix_spawn')  # audit events

@@ -225,6 +225,7 @@ def test_a_law_of_ones_own_is_told_by_its_source(protocol_file):
     assert found.sources()['example_law'] == hashlib.sha256(path.read_bytes()).hexdigest()
 
 
+@pytest.mark.endurance
 def test_a_foreign_law_has_the_score_of_the_same_in_python(protocol_file, tmp_path):
     docs = config.directory().parent / 'docs'
     library = compiled(tmp_path / 'example_law.so', (docs / 'example_law.c').read_text())

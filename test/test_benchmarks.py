@@ -106,11 +106,13 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
 @pytest.mark.parametrize(
     'words',
     [
-        ('calibration', '1', '10', 'planar_3rrr', 'five_bar'),
+        pytest.param(
+            ('calibration', '1', '10', 'planar_3rrr', 'five_bar'), marks=pytest.mark.endurance
+        ),
         ('delays', '1'),
         ('estimators', '1'),
         ('kernels', '1', '1'),
-        ('native', '--seconds', '0.5'),
+        pytest.param(('native', '--seconds', '0.5'), marks=pytest.mark.endurance),
     ],
 )
 def test_a_program_that_a_page_cites_ends_with_figures(words, monkeypatch, capsys):

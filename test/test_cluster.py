@@ -44,6 +44,7 @@ def test_a_cluster_of_which_one_worker_is_killed_makes_the_same_file(scheduler, 
     assert content(killed) == content(whole)
 
 
+@pytest.mark.endurance
 def test_the_command_runs_on_a_scheduler(scheduler, tmp_path, capsys):
     file, out = tmp_path / 'study.yaml', tmp_path / 'out'
     file.write_text(TEXT)

@@ -76,6 +76,7 @@ def test_bags_are_the_same_bytes(environment, usual, tmp_path):
         assert streams == other[name], name
 
 
+@pytest.mark.endurance
 def test_a_score_is_the_same_to_the_last_digit(tmp_path):
     protocol = small_protocol.written(tmp_path / 'small.yaml', 'planar_3rrr', trials=32)
     words = ['--protocol', str(protocol), '--workers', '1']

@@ -45,6 +45,7 @@ async def heard(address, enough):
     return told, found
 
 
+@pytest.mark.endurance
 def test_a_client_gets_all_topics_and_the_robot(launch, domain):
     words = ('--foxglove', '--run', 'paper_circle', '--port', '0', *SET)
     process = launch('parallel_robot', 'live', *words, fresh=True)

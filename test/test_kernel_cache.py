@@ -87,6 +87,7 @@ def test_another_setting_of_numba_is_other_machine_code(name, tree, monkeypatch)
     assert cache_directory.directory() != before
 
 
+@pytest.mark.endurance
 def test_where_machine_code_lies_does_not_say_which_code_this_is():
     code = 'from parallel_robot.studies.sweep.tasks import version; print(version())'
     found = {
@@ -292,6 +293,7 @@ print(sum(motion.stats.cache_hits.values()), motion.stats.cache_path)
 """
 
 
+@pytest.mark.endurance
 def test_a_copy_of_the_sources_finds_what_another_has_compiled(tmp_path):
     results = []
     for name in ('one', 'two'):
@@ -358,12 +360,14 @@ def summing(tmp_path):
     return sums
 
 
+@pytest.mark.endurance
 def test_of_what_processes_compile_at_once_nothing_is_lost(summing):
     lengths = [range(1, 10, 3), range(2, 10, 3), range(3, 10, 3)]
     assert summing(*lengths)[1] == 0
     assert summing(range(1, 10))[1] == 9
 
 
+@pytest.mark.endurance
 def test_code_for_other_types_is_found_out_and_compiled_anew(summing):
     cache, _ = summing([1, 2])
     first, second = sorted(cache.glob('*.nbc'))

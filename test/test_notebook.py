@@ -5,6 +5,8 @@ import json
 import re
 from pathlib import Path
 
+import pytest
+
 DOCS = Path(__file__).parents[1] / 'docs'
 LARGEST = 100_000  # characters of an output
 
@@ -35,6 +37,7 @@ def test_its_outputs_are_small_and_of_no_machine():
         assert 'stderr' not in output
 
 
+@pytest.mark.endurance
 def test_a_fresh_kernel_gives_the_outputs_that_are_shown():
     spec = importlib.util.spec_from_file_location('notebook_page', DOCS / 'notebook.py')
     module = importlib.util.module_from_spec(spec)

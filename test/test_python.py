@@ -533,6 +533,7 @@ def test_nothing_warns(run):
         notebook.compare([run])
 
 
+@pytest.mark.endurance
 @pytest.mark.usefixtures('inline')
 def test_the_examples_of_the_page_run(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

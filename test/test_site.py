@@ -8,6 +8,7 @@ import pytest
 
 from parallel_robot.cli.command_line import COMMANDS, main
 
+pytestmark = pytest.mark.endurance
 ROOT = Path(__file__).parents[1]
 FIRST = (ROOT / 'docs' / 'first_results.md').read_text()
 

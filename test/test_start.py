@@ -59,6 +59,7 @@ def environment(**more):
     return {**inherited, 'PYTHONPATH': str(ROOT), **more}
 
 
+@pytest.mark.endurance
 def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_it_is_started(
     hostile, compiled, domain, tmp_path
 ):
@@ -115,7 +116,13 @@ def test_a_run_after_the_setup_compiles_nothing_and_imports_nothing_from_where_i
     assert not (tmp_path / 'imported').exists()
 
 
-@pytest.mark.parametrize('name', sorted(path.name for path in (ROOT / 'scripts').iterdir()))
+@pytest.mark.parametrize(
+    'name',
+    [
+        pytest.param(name, marks=[pytest.mark.endurance] if name != 'controller' else [])
+        for name in sorted(path.name for path in (ROOT / 'scripts').iterdir())
+    ],  # test_packaging.py: they are the same text
+)
 def test_a_script_imports_nothing_from_where_it_is_started(name, hostile, domain, tmp_path):
     words = ('--ros-args', '-p', 'no_such_parameter:=1')
     console_script(tmp_path)

@@ -174,6 +174,7 @@ def test_a_search_has_converged_when_its_last_trials_brought_hardly_anything():
     assert convergence.patience_for(7) > convergence.patience_for(4) > 0
 
 
+@pytest.mark.endurance
 def test_it_ends_when_it_has_converged_and_is_then_complete(tmp_path, capsys):
     words = ['tune', 'pid', 'paper_circle', '--out', str(tmp_path / 'out'), *OPTIONS]
     words += ['--bounds', 'Kp=1350', '--bounds', 'Kd=90', '--patience', '5']
