@@ -97,7 +97,11 @@ def pytest_pycollect_makemodule(module_path, parent):
     return None
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
+    if config.getoption('quick'):
+        waiting = [item for item in items if item.get_closest_marker('endurance')]
+        config.hook.pytest_deselected(items=waiting)
+        items[:] = [item for item in items if item not in waiting]
     items.sort(key=lambda item: item.path.stem.removeprefix('test_') not in FIRST)
 
 
