@@ -13,8 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.errors import InputError, optional
 from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.mjcf import specification
 from parallel_robot_model.mechanisms.description.mjcf_compiler import compiled

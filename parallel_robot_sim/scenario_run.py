@@ -15,9 +15,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.units import NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import parameter_file
 from parallel_robot_model.configuration.placed import Placed, merged

@@ -14,8 +14,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.delay_identification import phases, result
 from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError
-from parallel_robot_model.common.printable import apart
+from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.robots.contract import Fault

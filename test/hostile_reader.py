@@ -19,8 +19,7 @@ from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run
-from parallel_robot_model.common.errors import ParallelRobotError, RunError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import ParallelRobotError, RunError, printable
 
 WORDS = {
     'analyze': lambda bag, out: [

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_model.common.printable import apart, printable
+from parallel_robot_model.common.errors import apart, printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())

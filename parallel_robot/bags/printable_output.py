@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from typing import Any, TextIO
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 MAX_LINE_LENGTH = 2000  # characters of what a terminal gets
 ASCII = re.compile(r'[ -~\n]*')

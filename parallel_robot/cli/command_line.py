@@ -21,9 +21,9 @@ from parallel_robot_model.common.errors import (
     StoppedError,
     UnknownNameError,
     first_line,
+    printable,
 )
 from parallel_robot_model.common.options import Parser
-from parallel_robot_model.common.printable import printable
 from parallel_robot_model.processes.ending_signals import Ended
 
 COMMANDS = {

@@ -15,8 +15,7 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, RunError, printable
 from parallel_robot_model.nodes.tool_node import tool_node
 from parallel_robot_model.processes import discovery
 

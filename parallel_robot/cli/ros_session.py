@@ -13,8 +13,7 @@ from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from parallel_robot_model.common.errors import RunError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import RunError, printable
 from parallel_robot_model.configuration.plain_data import whole_number
 from parallel_robot_model.messages.node_graph import OUTPUTS
 from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX

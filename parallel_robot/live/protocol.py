@@ -9,8 +9,7 @@ from typing import Any
 
 from aiohttp import web
 
-from parallel_robot_model.common.errors import first_line
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import first_line, printable
 
 PAUSE = 10.0  # s, between two lines about errors
 

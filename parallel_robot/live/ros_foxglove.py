@@ -21,8 +21,7 @@ from parallel_robot.live.guard import OPEN, is_loopback
 from parallel_robot.live.ros_live_graph import LiveGraph
 from parallel_robot.live.watched import Watched
 from parallel_robot.watch.robots import Robots
-from parallel_robot_model.common.errors import InputError, ParallelRobotError
-from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.errors import InputError, ParallelRobotError, optional
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic

@@ -9,7 +9,7 @@ from typing import Any
 from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.analysis.posture import posture_of
 from parallel_robot_control.configuration import load, resolve
-from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.placed import locating

@@ -10,7 +10,7 @@ from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.python import arguments
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.limit.calm import REST
-from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_sim.scenario_run import changes, named
 
 

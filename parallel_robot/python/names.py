@@ -7,8 +7,7 @@ from pathlib import Path
 
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_control.laws import title
-from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.errors import Frame, InputError, pandas
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import parameters
 

@@ -42,8 +42,14 @@ from parallel_robot.studies.sweep.sweep import sweep as run_sweep
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.prepared_laws import law_file, law_titles
-from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import BagError, InputError, KinematicsError, RunError
+from parallel_robot_model.common.errors import (
+    BagError,
+    Frame,
+    InputError,
+    KinematicsError,
+    RunError,
+    pandas,
+)
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of

@@ -16,7 +16,7 @@ from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
-from parallel_robot_model.common.data_frames import Frame, pandas
+from parallel_robot_model.common.errors import Frame, pandas
 
 Bags = str | Path | Iterable[str | Path]
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from parallel_robot.analysis.metrics import figures
 from parallel_robot.python.notebook import motions_of
-from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.errors import Frame, InputError, UnknownNameError, pandas
 from parallel_robot_sim.scenario_run import Run
 
 LONG = 1.0  # s, of the segments that are averaged: lines are 1 Hz apart

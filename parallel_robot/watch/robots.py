@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.watch.joint_angles import JointAngle
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import OF_JOINTS
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen

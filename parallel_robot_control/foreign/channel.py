@@ -16,8 +16,7 @@ import numpy as np
 
 from parallel_robot_control.foreign import exchange
 from parallel_robot_control.foreign.exchange import DESCRIPTOR, ENDED, GOT, HEAD, LATE, POLLED
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.compiler import Space
 from parallel_robot_model.processes.module_process import command
 from parallel_robot_model.processes.trial_process import ending

@@ -4,9 +4,48 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from importlib import import_module
 from signal import Signals
+from types import ModuleType
+from typing import Any
 
-from parallel_robot_model.common.printable import printable
+# Values made fit to show: foreign text on one line, numbers that can be told apart.
+
+MAX_LENGTH = 200  # characters
+
+
+def printable(value: Any, longest: int = MAX_LENGTH) -> str:
+    """Safe text of a value from a foreign source.
+
+    Args:
+        value: Any value.
+        longest: Characters after which the text is cut off with an ellipsis.
+    """
+    text = clean(str(value)[: longest + 1])
+    return text if len(text) <= longest else text[: longest - 1] + '…'
+
+
+def clean(text: str) -> str:
+    """A text without control characters, of any length."""
+    return ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
+
+
+def apart(value: float, limit: float, digits: int = 3) -> tuple[str, str]:
+    """Two numbers with as many digits as it takes to see which is larger.
+
+    Args:
+        value: One number.
+        limit: The other, shown with six digits where these are enough.
+        digits: Least number of significant digits of the value.
+    """
+    if value != limit:
+        for more in range(digits, 18):
+            texts = f'{value:.{more}g}', f'{limit:.{max(more, 6)}g}'
+            shown, bound = map(float, texts)
+            if shown > bound if value > limit else shown < bound:
+                return texts
+    return f'{value:.{digits}g}', f'{limit:g}'
+
 
 NEAR = 0.6  # similarity of names, from 0 to 1, from which one is suggested for the other
 FEW = 30  # names that a message lists
@@ -110,3 +149,36 @@ def first_line(error: BaseException) -> str:
     """Kind of an error raised by foreign code, and the first line of its text."""
     text = next((line.strip() for line in str(error).splitlines() if line.strip()), '')
     return type(error).__name__ + (f': {printable(text)}' if text else '')
+
+
+# Libraries that the suite needs for a part of what it does.
+
+
+def optional(name: str) -> ModuleType:
+    """A library, imported.
+
+    Args:
+        name: Its name, or that of one of its modules.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    try:
+        return import_module(name)
+    except ImportError:
+        library = name.partition('.')[0]
+        raise InputError(f'{library} is not installed; pip install {library}') from None
+
+
+# Tables of pandas, which is optional.
+
+Frame = Any  # a pandas.DataFrame; pandas is untyped
+
+
+def pandas() -> ModuleType:
+    """The module pandas.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    return optional('pandas')

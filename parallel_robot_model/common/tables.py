@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 GAP = '  '  # between two columns of text, and before a table below a line
 MARKDOWN = str.maketrans(

@@ -6,8 +6,7 @@ from typing import Any
 
 import yaml
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.yaml_file import kind_of
 

@@ -22,8 +22,7 @@ from typing import (
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.common.printable import apart
+from parallel_robot_model.common.errors import InputError, UnknownNameError, apart
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple

@@ -10,8 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
 from parallel_robot_model.configuration.fields import Field, check
 
 KEY = 'hazards'

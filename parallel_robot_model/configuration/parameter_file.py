@@ -7,8 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.placed import Place, Placed, locating
 

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import yaml_file
 
 MAX_BYTES = 1 << 28  # bytes of a table

@@ -8,8 +8,7 @@ from xml.etree.ElementTree import Element
 from xml.parsers import expat
 from xml.sax.saxutils import escape, quoteattr
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 
 COMMENT, DECLARATION = re.compile(b'<!--.*?-->', re.DOTALL), b'<?xml'
 DEEPEST = 200  # elements in one another

@@ -11,8 +11,7 @@ from typing import Any
 
 import yaml
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.hazards import KEY as HAZARDS
 from parallel_robot_model.configuration.placed import Place, Placed

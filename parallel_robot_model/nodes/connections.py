@@ -9,7 +9,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages.joint_layouts import OWN
 from parallel_robot_model.messages.topics import QUEUE, Topic

@@ -9,8 +9,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 
 NAME = re.compile(r'([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-9_]*)')
 INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')

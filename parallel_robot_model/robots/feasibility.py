@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.printable import apart
+from parallel_robot_model.common.errors import apart
 
 
 class Infeasible(NamedTuple):

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sized
 
 from parallel_robot.analysis.machine.facts import Facts
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from parallel_robot_control.laws import title
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 MAX_LABEL_LENGTH = 40  # characters of a name, so that it leaves room for the curves
 

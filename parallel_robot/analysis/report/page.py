@@ -16,7 +16,7 @@ from parallel_robot.analysis.report.palette import STYLES
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.scale import AUTO
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import all_of
 
 

@@ -23,8 +23,7 @@ from parallel_robot.bags.run import run_log, stretches
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.prepared_laws import law_titles
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion
 

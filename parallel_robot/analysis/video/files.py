@@ -8,8 +8,7 @@ from typing import IO
 
 import numpy as np
 
-from parallel_robot_model.common.errors import UnknownNameError
-from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.errors import UnknownNameError, optional
 
 COLOURS = 48  # of all frames of a GIF
 MOST = {'.mp4': 50_000, '.gif': 1500}  # frames; those of a GIF are held in memory

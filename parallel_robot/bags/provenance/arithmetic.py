@@ -11,7 +11,7 @@ import platform
 from collections.abc import Mapping
 from pathlib import Path
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 OWN = 'own functions'
 

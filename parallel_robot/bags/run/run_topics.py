@@ -10,8 +10,7 @@ from typing import Any
 from parallel_robot.bags.messages.message_arrays import Samples
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, INSTEAD, BagView
-from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import RECORDED, Topic
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import NANOSECONDS
 
 GROUPS = ('estimator', 'safety', 'approach', 'controller')  # of the controller, beside its law

@@ -21,8 +21,7 @@ from parallel_robot.cli.commands.simulate import (
 from parallel_robot_control.configuration import load
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common import tables
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import clean, printable
+from parallel_robot_model.common.errors import InputError, clean, printable
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, scenario_file
 from parallel_robot_model.configuration.fields import Field

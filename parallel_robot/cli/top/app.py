@@ -14,7 +14,7 @@ from textual.widgets import Footer, OptionList, Static
 from parallel_robot.cli.top import view
 from parallel_robot.watch.graph import Graph, Tell
 from parallel_robot.watch.robots import ERROR, OK, Robots
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 PERIOD = 0.5  # s between two pictures
 ASK = 0.1  # s between two checks for an answer

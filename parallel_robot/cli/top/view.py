@@ -12,7 +12,7 @@ from rich.text import Text
 
 from parallel_robot.watch.joint_angles import JointAngle
 from parallel_robot.watch.robots import ERROR, NODES, OK, SILENT, WARNING, Report, Robot, Robots
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.processes.realtime import LOCKED
 
 UNKNOWN = '-'

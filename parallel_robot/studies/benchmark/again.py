@@ -12,8 +12,7 @@ from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
 from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, facts_of, read
 from parallel_robot.studies.sweep.workers import Workers
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 

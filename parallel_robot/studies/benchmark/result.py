@@ -21,8 +21,7 @@ from parallel_robot.studies.benchmark.scores import (
     by_label,
 )
 from parallel_robot.studies.sweep.tasks import version
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
 

@@ -38,8 +38,8 @@ from parallel_robot_model.common.errors import (
     KinematicsError,
     RobotError,
     WholeNeededError,
+    printable,
 )
-from parallel_robot_model.common.printable import printable
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS

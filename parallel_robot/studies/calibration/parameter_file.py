@@ -7,7 +7,7 @@ from typing import Any
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.identification.robot_file import dump
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.rounding import rounded
 
 DIGITS = 10  # significant digits of a parameter

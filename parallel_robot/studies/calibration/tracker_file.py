@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 from parallel_robot.bags.sorted_rows import SortedRows
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import NANOSECONDS
 
 TIME, STAMP = 't', 'stamp'

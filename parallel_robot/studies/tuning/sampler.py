@@ -17,7 +17,7 @@ import numpy as np
 from parallel_robot.studies.tuning.ranges import Choice, Value
 from parallel_robot.studies.tuning.space import Space
 from parallel_robot.studies.tuning.trial import Trial
-from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.errors import optional
 
 if TYPE_CHECKING:
     from optuna.distributions import BaseDistribution

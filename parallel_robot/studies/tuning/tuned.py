@@ -18,8 +18,7 @@ from parallel_robot.studies.tuning.space import at_ends, doubts, unit_of
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
 from parallel_robot_control.prepared_laws import law_file
-from parallel_robot_model.common.data_frames import Frame, pandas
-from parallel_robot_model.common.errors import RunError
+from parallel_robot_model.common.errors import Frame, RunError, pandas
 from parallel_robot_model.common.shown_result import ShownResult
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration.placed import merged

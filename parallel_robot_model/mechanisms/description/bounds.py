@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.mechanisms.description.parts import Description
 
 LARGEST = 1e9  # kg, m, kg m^2 and so on

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
 from parallel_robot_model.mechanisms.description.assembly import (
     as_mechanism,
     assembled,

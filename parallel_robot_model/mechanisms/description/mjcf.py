@@ -7,9 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.optional_library import optional
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.configuration import xml_tree
 from parallel_robot_model.configuration.xml_tree import Node
 from parallel_robot_model.mechanisms.description.mjcf_actuators import actuators

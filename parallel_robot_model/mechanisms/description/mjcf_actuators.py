@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.optional_library import optional
+from parallel_robot_model.common.errors import optional
 from parallel_robot_model.mechanisms.description.parts import Actuator
 from parallel_robot_model.mechanisms.description.telling import listed
 

@@ -9,9 +9,7 @@ import warnings
 from collections.abc import Iterator
 from typing import Any
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.optional_library import optional
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, optional, printable
 
 
 def specified(text: str, source: str, merged: bool) -> Any:

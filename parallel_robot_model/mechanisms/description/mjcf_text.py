@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.xml_tree import Node, children, refused
 from parallel_robot_model.mechanisms.description.telling import listed
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import xml_tree
 from parallel_robot_model.configuration.xml_tree import Node
 from parallel_robot_model.mechanisms.description import bounds, mjcf, sdf, urdf

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 
 FEW = 8  # names that a message lists
 

@@ -7,7 +7,7 @@ from collections import defaultdict
 
 import numpy as np
 
-from parallel_robot_model.common.printable import printable
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.mechanisms.description.assembly import Assembly
 from parallel_robot_model.mechanisms.description.choice import null_space, rank
 from parallel_robot_model.mechanisms.description.closures import Equation
