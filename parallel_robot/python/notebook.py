@@ -50,8 +50,7 @@ from parallel_robot_model.common.errors import (
     RunError,
     pandas,
 )
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE

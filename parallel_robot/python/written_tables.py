@@ -10,8 +10,7 @@ from typing import Any
 from parallel_robot.analysis.readable_metrics import NEVER
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import Frame, InputError, UnknownNameError, pandas
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.tables import ShownResult, Table
 from parallel_robot_model.common.units import BOTH, SLIDES
 
 MICRO = 1e-2  # m or rad; where all of a column is smaller, it is in µm or µrad

@@ -158,3 +158,33 @@ def _latex_table(table: Table) -> str:
     head, *rows = lines
     body = [r'\hline', head, r'\hline', *rows, r'\hline']
     return '\n'.join([rf'\begin{{tabular}}{{{table.sides}}}', *body, r'\end{tabular}'])
+
+
+# A result that Python shows as the command line prints it.
+
+
+class ShownResult:
+    """A result of lines and tables, for a console, for notebooks and for the command line.
+
+    One that has ``warnings``, one line each, shows them below.
+    """
+
+    def parts(self) -> list[Part]:
+        """Its lines and tables."""
+        raise NotImplementedError
+
+    def lines(self) -> list[str]:
+        """The same as lines of text."""
+        return text(self.parts()).split('\n')
+
+    def _told(self) -> list[Part]:
+        warnings = getattr(self, 'warnings', ())
+        return [*self.parts(), *(f'warning: {text}' for text in warnings)]
+
+    def __repr__(self) -> str:
+        """What came of it, and warnings."""
+        return text(self._told())
+
+    def _repr_markdown_(self) -> str:
+        """The same for a notebook."""
+        return markdown(self._told())

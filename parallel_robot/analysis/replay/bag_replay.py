@@ -31,8 +31,7 @@ from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration import config
 
 # Beginnings of keys on which torques depend, beside those of the laws.

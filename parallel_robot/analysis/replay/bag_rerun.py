@@ -22,8 +22,7 @@ from parallel_robot.bags.run import bag_difference, gathered_run
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import available, configure, load, resolve
 from parallel_robot_model.common.errors import BagError, printable
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.loop import loop_of

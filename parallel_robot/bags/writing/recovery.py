@@ -26,8 +26,7 @@ from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, RunError, WholeNeededError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part, ShownResult, Table
 
 # Metadata about the content of a file.
 WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)

@@ -13,8 +13,7 @@ from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
 from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, facts_of, read
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 
 NOT_RUN = 'is of another protocol or of other samples, so nothing was run'
 

@@ -22,8 +22,7 @@ from parallel_robot.studies.benchmark.scores import (
 )
 from parallel_robot.studies.sweep.tasks import version
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part, ShownResult, Table
 
 FORMAT = 'parallel_robot benchmark score 1'
 OF_MACHINE = ('machine', 'seconds')  # what may differ between two of the same benchmark

@@ -40,8 +40,7 @@ from parallel_robot_model.common.errors import (
     WholeNeededError,
     printable,
 )
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.robots.configuration import is_known

@@ -27,8 +27,7 @@ from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.zero_angles import known

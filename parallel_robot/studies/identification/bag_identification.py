@@ -31,8 +31,7 @@ from parallel_robot.studies.identification.motor_lag import LongestStretch, Moto
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot.studies.identification.rest import Rest, Resting
 from parallel_robot_model.common.errors import BagError, InputError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_sim.plant import PlantParameters

@@ -12,8 +12,7 @@ from parallel_robot.studies.identification import design, robot_file
 from parallel_robot.studies.identification.design import Design
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.robots.configuration import units_of

@@ -20,8 +20,7 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
 from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.rounding import rounded
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import HINGES, JointUnits
 
 SHORTEST = 0.1  # s of a phase

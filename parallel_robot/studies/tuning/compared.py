@@ -12,8 +12,7 @@ from parallel_robot.studies.tuning import effort as efforts
 from parallel_robot.studies.tuning import equal_effort, fronts, held_out
 from parallel_robot.studies.tuning.fronts import Front
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.shown_result import ShownResult
-from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.tables import Part, ShownResult
 
 
 @dataclass(frozen=True, repr=False)
