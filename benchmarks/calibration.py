@@ -25,7 +25,7 @@ from parallel_robot.studies.calibration.design import Designed, design
 from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot_control.configuration import nominal_of, resolve
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.configuration import trajectory_of
 

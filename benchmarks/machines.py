@@ -21,7 +21,7 @@ import numpy as np
 from rows import Row, ratios, row, show
 
 import parallel_robot as pr
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import model

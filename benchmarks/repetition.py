@@ -18,8 +18,8 @@ import numpy as np
 from parallel_robot.bags.progress import tracked
 from parallel_robot.studies.sweep import plan, study
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import ParallelRobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import assignments
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate

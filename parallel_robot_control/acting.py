@@ -10,7 +10,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.prepared_laws.law_step import Asked
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import ZERO, Last, Limits, limit_torque, safe_torque
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, is_finite, select
 
 

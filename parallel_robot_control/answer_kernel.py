@@ -41,8 +41,7 @@ from parallel_robot_control.shared_arrays import (
     UNTIL,
     WAITS,
 )
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages.topics import SLOW

@@ -7,8 +7,7 @@ import numpy as np
 from parallel_robot_control.messages import answers_message
 from parallel_robot_control.shared_arrays import AGES, ANSWERS, LOGGED, Shared
 from parallel_robot_control.states.state_rhythm import StateRhythm
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.messages import layouts
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation import cycle_memory
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, largest, read_at, select, write_at
 from parallel_robot_model.configuration.fields import Field
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.messages.cdr_reader import Reader
 from parallel_robot_model.messages.joint_layouts import passive_names

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
 
 

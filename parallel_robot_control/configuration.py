@@ -17,8 +17,8 @@ from parallel_robot_control.prepared_laws import law_loader
 from parallel_robot_control.prepared_laws.prepared_law import judge
 from parallel_robot_control.repetition import RepetitionParameters, turn_of
 from parallel_robot_control.safety.limiting import SafetyParameters
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config, fields, modules
 from parallel_robot_model.configuration.config import PRESET
 from parallel_robot_model.configuration.fields import Field, defaults, parameters, plain

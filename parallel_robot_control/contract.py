@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots.contract import Model
 

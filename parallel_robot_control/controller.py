@@ -47,8 +47,7 @@ from parallel_robot_control.shared_arrays import (
     START,
     UNTIL,
 )
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS
+from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import OLDEST

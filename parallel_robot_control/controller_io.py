@@ -8,7 +8,7 @@ from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.law_core import LawCore
 from parallel_robot_control.messages import Status, Telemetry
 from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 STATE_FIELDS = ('position', 'velocity', 'effort')
 

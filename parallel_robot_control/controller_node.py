@@ -39,8 +39,8 @@ from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
 from parallel_robot_control.safety import faults
 from parallel_robot_control.states.refused_states import RefusedStates
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import NOT_KNOWN
 from parallel_robot_model.nodes.joint_reader import JointReader

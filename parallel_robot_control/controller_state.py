@@ -27,9 +27,8 @@ from parallel_robot_control.shared_arrays import (
     START,
     shared,
 )
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import entry_point, need_compiler
 from parallel_robot_model.configuration.loop import WAIT
 

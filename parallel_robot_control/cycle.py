@@ -28,7 +28,7 @@ from parallel_robot_control.safety.state_consistency import inconsistent
 from parallel_robot_control.safety.torque_arrival import TOLD, arrival
 from parallel_robot_control.sensing import sense
 from parallel_robot_control.terms.place_gradient import NO_PLACE, place_gradient
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     FirstClass,
     begin,

@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
 
 

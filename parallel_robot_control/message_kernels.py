@@ -9,8 +9,7 @@ import numpy as np
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.messages import cdr
 from parallel_robot_model.messages.cdr import ENCAPSULATION, SPARE

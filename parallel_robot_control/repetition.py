@@ -28,8 +28,8 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import Feedback, JointReference, Law
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Space,
     clip,

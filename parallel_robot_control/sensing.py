@@ -11,7 +11,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.safety.limiting import Last, Limits, find_fault
 from parallel_robot_control.safety.torque_effect import LOOKED_AT, is_resisted
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, multiply, select, some
 from parallel_robot_model.robots.contract import Model
 

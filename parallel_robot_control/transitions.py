@@ -11,7 +11,7 @@ from parallel_robot_control.approach import BACK
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import vector
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, kernel, select, some, vector
 from parallel_robot_sim.delay_line import (
     COMMAND,

@@ -14,7 +14,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.course import Course, Heard, course_of

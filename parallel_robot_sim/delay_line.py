@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, read_at, select, write_at
 from parallel_robot_sim.random_numbers import whole_number
 

@@ -28,8 +28,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, kernel, read_row, select, vector, write_row
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.delay_line import (

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, apart
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import inverse_dynamics
 from parallel_robot_sim.configuration import Configuration

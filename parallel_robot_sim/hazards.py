@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Space, inner, kernel, read_at, select, write_at
 from parallel_robot_model.configuration.hazards import KINDS, Hazard
 from parallel_robot_sim.motor_timeout import Waiting

@@ -9,7 +9,7 @@ import functools
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque

@@ -8,9 +8,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import Space
 from parallel_robot_model.configuration.fields import Field, PerJoint, check
 from parallel_robot_sim.drives import Drive

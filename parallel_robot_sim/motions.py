@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
-from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_model.robots import poses as forward

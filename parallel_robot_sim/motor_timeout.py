@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.safety.limiting import SafeAction, safe_torque
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, select, vector
 
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import optional
+from parallel_robot_model.common.units import Array
 
 STEP = 1e-4  # s, of the integration
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, optional
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.mjcf import specification
 from parallel_robot_model.mechanisms.description.mjcf_compiler import compiled

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, optional
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.mujoco_bodies import STEP, MujocoBodies
 

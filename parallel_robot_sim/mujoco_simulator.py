@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import entry_point, vector
 from parallel_robot_model.robots.joint_load import net_torque
 from parallel_robot_model.robots.registry import RobotModel

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, kernel, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_sim.actuators import cogging, driven, held_disturbance

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_sim.assembly import assemble_plant

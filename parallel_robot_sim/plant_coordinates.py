@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, largest, multiply, read_row, solve, write_row
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import Plant

@@ -9,8 +9,7 @@ from numba import types
 from numba.experimental import structref
 
 from parallel_robot_control.message_kernels import joint_row, lay_open
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
 from parallel_robot_sim.delay_line import sample_at
 from parallel_robot_sim.hazards import commanded, told

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, read_at, write_at
 
 MAX_SEED = 2**53  # kernels take the seed as a float

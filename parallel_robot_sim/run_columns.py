@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.terms.coupling import synchronisation_error
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.turning import angles_between, turns_of
 

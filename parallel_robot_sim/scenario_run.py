@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.prepared_laws import law_file
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
-from parallel_robot_model.common.units import NANOSECONDS, JointUnits
+from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration import parameter_file
 from parallel_robot_model.configuration.placed import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of, units_of

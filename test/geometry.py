@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters

@@ -9,7 +9,7 @@ from test_serial_2r import ARM
 from test_serial_2r import serial_2r as closed_form_2r
 from vectors import OnVectors
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import model

@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import with_arrays
+from parallel_robot_model.common.units import with_arrays
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion

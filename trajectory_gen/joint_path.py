@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import solve_full, vector
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.poses import rates_of

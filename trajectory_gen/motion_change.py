@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from trajectory_gen import joint_path, preflight, waypoints
 from trajectory_gen.configuration import Motions
 from trajectory_gen.course import Course, Part

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, NamedTuple
 
-from parallel_robot_model.common.arrays import with_arrays
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import with_arrays
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion

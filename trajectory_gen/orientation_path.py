@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms import quaternions
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.plane import length_of

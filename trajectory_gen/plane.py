@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cosine, dot, kernel, sine, vector
 from parallel_robot_model.robots.contract import PoseMotion
 

@@ -6,8 +6,8 @@ from collections import Counter
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.joint_reader import JointReader
 from parallel_robot_model.robots.poses import poses_of

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import solve_sparse
 
 DEGREE = 5  # of a motion of least mean square jerk between points

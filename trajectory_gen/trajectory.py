@@ -8,8 +8,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row, vector, write_row
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import REACHED, PoseMotion

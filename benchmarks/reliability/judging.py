@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 BOUND = 1e-4  # m, end-effector error below which the loop is well
 QUIET = 0.5  # s, for which it must stay there

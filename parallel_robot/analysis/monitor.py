@@ -11,9 +11,8 @@ import numpy as np
 
 from parallel_robot.analysis import metrics
 from parallel_robot.bags.run.state_references import reference_at
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.messages.topics import DEPTH
 from parallel_robot_model.robots.poses import poses_of

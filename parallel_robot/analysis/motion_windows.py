@@ -12,8 +12,8 @@ from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.plant_windows import PlantWindows
 from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, Recorded
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError, ParallelRobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import IdealTorque
 from parallel_robot_sim.motions import Motion

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.messages.topics import MARKERS_EVERY

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 EXACT = 1 << 20  # numbers that are kept; of more, percentiles are within WIDTH / 2 of the number
 WIDTH = 1e-3  # of a class, relative to its numbers

@@ -30,8 +30,7 @@ from parallel_robot.analysis.metrics import (
 )
 from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot_control.terms.coupling import synchronisation_error
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import HINGES
+from parallel_robot_model.common.units import HINGES, Array
 from parallel_robot_sim.motions import Motion, Motions, Poses
 
 BOUNDS = (1e-3, 1e-4)  # m, see Transient

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot.bags.kept_parts import KeptParts
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 
 class SortedRows:

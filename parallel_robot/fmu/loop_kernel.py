@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.fmu import law_kernel, plant_kernel
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, read_at, read_row, write_at
 from trajectory_gen.trajectory import Reference
 

@@ -33,8 +33,8 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.laws import title
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config import default
 from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_sim.motions import differs

@@ -14,8 +14,8 @@ from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, WholeNeededError
+from parallel_robot_model.common.units import Array
 
 AHEAD = 30.0  # s after a moment that are read with it
 BACK = (10.0, 1000.0, math.inf)  # s before the end, where the last state is looked for

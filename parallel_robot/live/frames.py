@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot.bags.run.state_references import reference_at
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 
 OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
 GAP = NANOSECONDS  # ns between two states, beyond which another motion begins

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.configuration import resolve, robot_of
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import configure_plant

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from parallel_robot_control.estimation import lock_in
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Space, inner, read_at, select, write_at
 
 SIZE = 128  # torques that are remembered

@@ -23,9 +23,8 @@ from parallel_robot_control.estimation.lock_in import (
     WAITING,
     LockIn,
 )
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 

@@ -18,9 +18,8 @@ from parallel_robot_control.estimation.delay_identification import (
 from parallel_robot_control.estimation.kalman_equations import Kalman
 from parallel_robot_control.estimation.kalman_memory import MOST
 from parallel_robot_control.estimation.lock_in import LockIn
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.compiler import Space, clip, kernel, select, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.configuration.zero_angles import ZeroAngle

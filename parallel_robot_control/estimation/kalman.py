@@ -21,7 +21,7 @@ from parallel_robot_control.estimation.kalman_equations import (
     spread,
 )
 from parallel_robot_control.estimation.kalman_memory import MOST, begin, read, running, write
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, multiply, select
 from parallel_robot_model.robots.contract import Model
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, multiply, solve
 from parallel_robot_model.robots.contract import Model
 

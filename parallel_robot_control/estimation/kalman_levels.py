@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from parallel_robot_control.estimation.cycle_memory import LEVELS
 from parallel_robot_control.estimation.kalman_equations import Kalman
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, read_at, select, write_at
 
 RANGE = 100.0  # of a variance, to either side of the given one

@@ -7,7 +7,7 @@ import numpy as np
 from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.cycle_memory import MEAN, RUNNING, SAMPLE, SIZE, VARIANCE
 from parallel_robot_control.estimation.kalman_equations import Kalman, Mean, Variance
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, read_at, select, vector, write_at
 
 MOST = 50  # samples, largest age from which is predicted

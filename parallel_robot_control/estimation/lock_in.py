@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import every, inner, read_at, select, solve, write_at
 from parallel_robot_model.robots.contract import Model
 

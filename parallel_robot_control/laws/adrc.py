@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, select, solve, vector
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model, inverse_dynamics

@@ -13,8 +13,8 @@ from parallel_robot_control.terms.antiwindup import unless_any_saturated
 from parallel_robot_control.terms.coupling import coupling
 from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
 from parallel_robot_control.terms.switching_functions import saturate
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, vector
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model

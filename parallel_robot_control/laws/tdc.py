@@ -7,8 +7,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model

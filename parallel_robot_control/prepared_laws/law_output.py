@@ -9,7 +9,7 @@ import numpy as np
 from numba import typeof, types
 
 from parallel_robot_control.contract import ControlOutput
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import plain_type, shape_of
 
 CALL = f'ControlOutput({", ".join(ControlOutput._fields)})'

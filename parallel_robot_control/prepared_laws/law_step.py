@@ -6,7 +6,7 @@ import functools
 from typing import Any, NamedTuple
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     arrays_of,
     composed,

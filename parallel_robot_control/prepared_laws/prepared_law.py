@@ -19,8 +19,8 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_laws import law_output, law_trial
 from parallel_robot_control.prepared_laws.law_step import Asked, LawParts, stepping
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, first_line
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     ANY,
     INTERPRETED,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.safety.limiting import ZERO, Last, Limits, safe_torque
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import every, inner, kernel, largest, multiply, select, solve
 from parallel_robot_model.robots.contract import FOUND, Estimate
 

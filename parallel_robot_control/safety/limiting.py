@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inlined, kernel, select, some, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 

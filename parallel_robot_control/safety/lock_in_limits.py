@@ -6,9 +6,8 @@ import numpy as np
 
 from parallel_robot_control.estimation.lock_in import LockIn
 from parallel_robot_control.safety.limiting import Limits
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 
 LIMIT_SHARE = 0.5  # share of a safety limit that the sine may take
 

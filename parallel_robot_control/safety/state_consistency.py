@@ -11,7 +11,7 @@ import numpy as np
 
 from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, every, inner, read_at, select, some, write_at
 
 WINDOW = 0.06  # s, time constant with which ways are forgotten

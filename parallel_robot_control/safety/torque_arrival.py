@@ -13,7 +13,7 @@ import numpy as np
 
 from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.cycle_memory import LOST, SPELL
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, read_at, select, some, write_at
 
 LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet

@@ -7,9 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.steps import usual_step
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array, usual_step
 from parallel_robot_model.configuration.loop import MICROSECOND
 
 FEW = 10  # steps from a state to the next, below which nothing is said

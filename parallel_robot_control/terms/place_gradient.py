@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.contract import Law
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, multiply, select
 from parallel_robot_model.robots.contract import FOUND
 from parallel_robot_model.robots.registry import RobotModel

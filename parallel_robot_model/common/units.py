@@ -1,4 +1,4 @@
-"""Units: stamps are whole nanoseconds; joints are in rad and N m, slides in m and N."""
+"""Units and arrays: joints are in rad and N m, slides in m and N, stamps in whole nanoseconds."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 NANOSECONDS = 1_000_000_000  # in one second
 TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
@@ -102,3 +103,57 @@ def beyond_a_turn(position: Any, units: JointUnits) -> str:
     far = float(np.abs(position[:, ~slides]).max(initial=0.0))
     turns = f'{far:.4g} rad, {far / TURN:.3g} turns: joint_states are in radians; degrees?'
     return turns if far > TURN else ''
+
+
+# Numerical arrays: their type in annotations, and groups that hold them.
+
+Array = NDArray[np.float64]  # docstrings say shape and unit
+
+
+def with_arrays(group: Any) -> Any:
+    """A NamedTuple whose lists are arrays, so that it has one type for kernels, however long."""
+    return group._make(np.array(value) if isinstance(value, tuple) else value for value in group)
+
+
+# Rounding to significant digits.
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Round a number, or each of a nested list, tuple or array of them.
+
+    Args:
+        value: The number, or the numbers.
+        digits: Significant digits that are kept.
+
+    Returns:
+        A float, or lists of them.
+    """
+    if isinstance(value, (list, tuple)) or np.ndim(value):
+        return [rounded(item, digits) for item in value]
+    return float(f'{float(value):.{digits}g}')
+
+
+# The usual step of stamps, of which single ones may be missing or late.
+
+LONG = 1.5  # times the usual step, of one over missing stamps
+PARTS = (1, 2, 3)  # of the median of the steps, that a single step may be
+CLEARER = 0.5  # of the distance from whole numbers of steps, at which a smaller part is taken
+
+
+def usual_step(steps: NDArray[np.int64]) -> float:
+    """The usual one of steps from a stamp to the next, all positive [ns], shape (N,).
+
+    What jitters is averaged over all of them; of long ones it is counted how many they are. Where
+    stamps are missing after every other one, the median is no single step.
+    """
+    usual, least = float(steps.mean()), np.inf
+    for part in PARTS:
+        single = steps[steps < LONG / part * np.median(steps)]
+        if not len(single):
+            break
+        counts = np.maximum(np.rint(steps / single.mean()), 1.0)
+        step = float(steps.sum() / counts.sum())
+        apart = np.abs(steps / step - counts).mean()
+        if apart < CLEARER * least:
+            usual, least = step, apart
+    return usual

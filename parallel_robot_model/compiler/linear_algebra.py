@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import in_kernels
 from parallel_robot_model.compiler.vector_operators import elementwise, emit, pack

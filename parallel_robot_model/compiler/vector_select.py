@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload, type_callable
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import inner, kernel
 from parallel_robot_model.compiler.numba_parts import impl_ret_new_ref, lower_builtin
 from parallel_robot_model.compiler.vector_operators import pack

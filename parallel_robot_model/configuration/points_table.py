@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import yaml_file
 
 MAX_BYTES = 1 << 28  # bytes of a table

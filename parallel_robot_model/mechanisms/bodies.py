@@ -6,7 +6,7 @@ momentum f = m u + w x h, angular momentum n = J w + h x u, and half the derivat
 
 from __future__ import annotations
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.spatial import (

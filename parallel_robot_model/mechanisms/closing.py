@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closure_rates import bias, derive
 from parallel_robot_model.mechanisms.closures import errors, settle

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
 from parallel_robot_model.mechanisms.copying import clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import clear, clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.mechanism import Mechanism

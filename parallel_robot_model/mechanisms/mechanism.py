@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 Index = NDArray[np.int64]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closure_rates import bias
 from parallel_robot_model.mechanisms.copying import clear

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.faults import FOUND, SINGULAR

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.copying import copy, copy_matrix

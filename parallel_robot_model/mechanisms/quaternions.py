@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import arctangent, cosine, sine
 
 SMALL = 1e-9  # rad, angle below which the sine is the angle

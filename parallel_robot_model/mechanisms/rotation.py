@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
 from parallel_robot_model.mechanisms.spatial import Triple, crossed, plus, times
 

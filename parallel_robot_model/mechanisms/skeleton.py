@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.mechanism import BASE, POINT, SLIDE, Index, Mechanism
 from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import boxed

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.copying import clear, clear_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor, solve_vector

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import RobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel
 from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.layout import Layout, layout

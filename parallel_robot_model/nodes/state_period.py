@@ -10,8 +10,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from parallel_robot_model.common.steps import usual_step
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, usual_step
 from parallel_robot_model.configuration.loop import MICROSECOND
 from parallel_robot_model.messages import cdr_reader
 from parallel_robot_model.messages.topics import JOINT_STATES, QUEUE

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 NAMES = 'inertia1, inertia2, ...: motor and load of each axis'
 

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, multiply
 from parallel_robot_model.robots.feasibility import Infeasible
 from parallel_robot_model.robots.joint_load import JointLoad

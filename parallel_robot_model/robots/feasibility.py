@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import apart
+from parallel_robot_model.common.units import Array
 
 
 class Infeasible(NamedTuple):

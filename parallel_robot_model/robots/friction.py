@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, kernel, select, some, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 

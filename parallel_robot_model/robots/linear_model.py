@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 
 class LinearModel(Protocol):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
 Moments = tuple[float, float, float, float, float, float]

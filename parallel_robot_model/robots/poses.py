@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
-from parallel_robot_model.common.units import beyond_a_turn
+from parallel_robot_model.common.units import Array, beyond_a_turn
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel

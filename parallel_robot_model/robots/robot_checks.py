@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.processes.custom_module import blaming
 from parallel_robot_model.robots.contract import FOUND, REACHED, Estimate, Measurement, PoseMotion

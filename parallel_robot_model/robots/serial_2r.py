@@ -22,8 +22,8 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, RobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, multiply, select, vector
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots import serial_2r_linear_model as linear_model  # noqa: F401

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 NAMES = (
     'a = I1 + m1 lc1^2 + (m2 + mp) l1^2, b = I2 + m2 lc2^2 + mp l2^2, h = l1 (m2 lc2 + mp l2), '

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.link import TURNS, Link
 from parallel_robot_model.robots.registry import RobotModel
 

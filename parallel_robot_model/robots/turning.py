@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import Coordinate
 
 PLACE = ('x', 'y', 'z')

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms import closing, dynamics, faults, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Mechanism

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot.analysis.machine.facts import Facts
 from parallel_robot.analysis.report.space_views import VIEWS
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.skeleton import drawn
 
 

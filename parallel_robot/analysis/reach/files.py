@@ -13,8 +13,8 @@ from parallel_robot.analysis.reach.region import Region, region_of
 from parallel_robot.analysis.reach.scenery import Scenery, plane_and_scenery
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags import new_files
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.common.units import Array
 from parallel_robot_sim.configuration import Configuration
 
 NUMBERS = '.json'

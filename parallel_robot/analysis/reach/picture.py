@@ -11,7 +11,7 @@ from parallel_robot.analysis.reach.plane import Axis, Plane
 from parallel_robot.analysis.reach.region import Region
 from parallel_robot.analysis.reach.scenery import Scenery
 from parallel_robot.bags.printable_output import without_mathematics
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import Coordinate, Margin
 
 COLOURS = ('#a8323e', '#e08a6d', '#f5e3c3', '#b4d3d6', '#4f8fb5', '#24487f')  # from zero on

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.plane import plane_of
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from parallel_robot.analysis.reach.plane import Axis, Plane
 from parallel_robot.analysis.report.space_views import posture
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import REACHED, Reach
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.trajectory import joints_at

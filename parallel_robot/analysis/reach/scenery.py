@@ -10,8 +10,8 @@ import numpy as np
 from parallel_robot.analysis.reach.plane import Plane, center_of, named_plane, plane_of_motion
 from parallel_robot.analysis.report.labels import label
 from parallel_robot.analysis.report.space_views import posture
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import REACHED, Coordinate
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration

@@ -29,9 +29,9 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
 from parallel_robot_model.common.tables import Part, ShownResult
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config
 
 # Beginnings of keys on which torques depend, beside those of the laws.

@@ -18,8 +18,7 @@ from parallel_robot_control.configuration import ControlConfiguration, configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_control.transitions import joining
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 
 
 class Ghost:

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.replay.replayed import Replay
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.tables import Table
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 
 
 class Totals(NamedTuple):

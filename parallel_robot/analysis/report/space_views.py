@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 
 VIEWS = (('x', 'y', (0, 1)), ('x', 'z', (0, 2)), ('y', 'z', (1, 2)))  # across, up, both axes

@@ -15,9 +15,8 @@ from parallel_robot.bags.reading.indexed_reader import BagReader, RecordedMessag
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import WholeNeededError
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 
 
 def size(bag: Path, other: Path, memory: int = MEMORY) -> str:

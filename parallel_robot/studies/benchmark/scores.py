@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot.studies.benchmark.store import RunFigures
 from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.statistics import Estimate, sectioned
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.rounding import rounded
+from parallel_robot_model.common.units import Array, rounded
 
 DIGITS = 5  # of a score; those of the limit beyond the tenth are the processor's (LAPACK)
 TAIL = 0.05  # share of the runs that are worse than the tail

@@ -31,7 +31,6 @@ from parallel_robot.studies.calibration.near_states import KEPT, NearStates, mar
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import (
     BagError,
     InputError,
@@ -41,7 +40,7 @@ from parallel_robot_model.common.errors import (
     printable,
 )
 from parallel_robot_model.common.tables import Part, ShownResult
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.robots.configuration import is_known
 from parallel_robot_model.robots.registry import RobotModel

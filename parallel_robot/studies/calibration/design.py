@@ -25,10 +25,9 @@ from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_control.configuration import nominal_of, resolve
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.zero_angles import known
 from trajectory_gen import preflight

@@ -18,8 +18,8 @@ import numpy as np
 from scipy import linalg, optimize, stats
 
 from parallel_robot.studies.calibration.pose_model import PoseModel
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.units import Array
 
 NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a tracker, before its poses tell it
 SAME = 1e-12  # of the largest singular value: a combination that changes nothing

@@ -7,7 +7,7 @@ import numpy as np
 from parallel_robot.bags.messages.span import FIRST
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration.pose_model import JointTrack
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 

@@ -8,7 +8,7 @@ from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.identification.robot_file import dump
 from parallel_robot_model.common.errors import printable
-from parallel_robot_model.common.rounding import rounded
+from parallel_robot_model.common.units import rounded
 
 DIGITS = 10  # significant digits of a parameter
 TAKEN_OFF, SHOWN = 'estimator', 'sensor'  # groups with a zero angle: of controller and plant

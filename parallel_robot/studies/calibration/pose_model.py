@@ -11,8 +11,8 @@ from parallel_robot.studies.calibration import geometry
 from parallel_robot.studies.calibration.geometry import Number
 from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.tracker import Tracker, Unknown
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, RobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 
 TOLD = {'m': 0.01, 'rad': 0.01, 's': 0.001}  # a combination that is known worse is not told

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import REACHED
 from trajectory_gen.trajectory import Reference, Trajectory
 from trajectory_gen.waypoints import Spline

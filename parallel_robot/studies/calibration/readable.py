@@ -8,8 +8,8 @@ import numpy as np
 
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import Array
 
 SHARE = 0.1  # in a unit vector from which an unknown is named
 MICRO = {'m': 'µm', 'rad': 'µrad', 's': 'µs'}

@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
 
 FRAME, TARGET = 'frame', 'target'

@@ -14,9 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags.sorted_rows import SortedRows
 from parallel_robot.studies.calibration.tracker import TURNS
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 
 TIME, STAMP = 't', 'stamp'
 AT_ONCE = 1 << 16  # numbers that are kept at once

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.linear_model import LinearModel
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel

@@ -23,8 +23,8 @@ from parallel_robot.studies.identification.physical_robot import PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import Rows, SomeRows
 from parallel_robot.studies.identification.unexplained import Unexplained
 from parallel_robot_control import configuration
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.groups import group
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters

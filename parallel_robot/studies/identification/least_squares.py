@@ -15,7 +15,7 @@ import numpy as np
 from scipy import stats
 
 from parallel_robot.studies.identification.regression_rows import Rows
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 ITERATIONS = 3  # of the weights
 FLOOR = 1e-9  # of the torque, the smallest error of a joint that is assumed

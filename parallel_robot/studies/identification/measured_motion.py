@@ -15,9 +15,8 @@ from parallel_robot.bags.messages.span import FIRST
 from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory

@@ -19,8 +19,8 @@ from scipy.signal import lfilter
 
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import LONGEST
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.tables import Part, ShownResult
+from parallel_robot_model.common.units import Array
 
 LONGEST_LAG = 0.05  # s that is looked for
 WARM = 5.0  # of it, after which what was before the first command is forgotten

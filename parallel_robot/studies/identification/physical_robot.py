@@ -24,7 +24,7 @@ from scipy.optimize import least_squares, lsq_linear
 
 from parallel_robot.studies.identification.base_parameters import BaseParameters, linear_model
 from parallel_robot.studies.identification.least_squares import Fit
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import plain
 from parallel_robot_model.robots.registry import RobotModel
 

@@ -29,8 +29,8 @@ from parallel_robot.studies.identification.measured_motion import (
     Motion,
     stretches,
 )
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 

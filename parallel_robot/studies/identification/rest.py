@@ -18,10 +18,8 @@ import numpy as np
 
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.rounding import rounded
 from parallel_robot_model.common.tables import Part, ShownResult
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits, rounded
 
 SHORTEST = 0.1  # s of a phase
 NONE = f'sensor noise: the bag has no phase of rest of {SHORTEST:g} s'

@@ -11,7 +11,7 @@ import yaml
 from parallel_robot.studies.identification.base_parameters import linear_model
 from parallel_robot.studies.identification.identified import Identified
 from parallel_robot_model.common.errors import printable
-from parallel_robot_model.common.rounding import rounded
+from parallel_robot_model.common.units import rounded
 
 DIGITS = 8  # significant digits of a parameter
 

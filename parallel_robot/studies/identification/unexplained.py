@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.studies.identification.least_squares import Fit, Squares
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 ALIKE = 0.5  # correlation of neighbouring rows; noise that passed the low-pass filter has about 0
 SMALL = 1e-3  # of the torque; less is of no interest

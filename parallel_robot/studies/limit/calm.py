@@ -23,7 +23,7 @@ import numpy as np
 from parallel_robot.analysis.metrics import SMOOTH, samples_beside
 from parallel_robot.studies.limit.linear_motion import LinearMotion
 from parallel_robot.studies.limit.prediction import Noise
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 POINTS = 3  # of the second half of a motion
 WEIGHTS = np.logspace(4.0, -4.5, 18)  # of chattering against error, in units of the model's own

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.performed_motion import SMALL, after, performed, smooth

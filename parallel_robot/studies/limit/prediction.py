@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.studies.limit.linear_motion import LinearMotion
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_sim.imperfections import Imperfections
 

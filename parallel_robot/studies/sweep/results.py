@@ -16,8 +16,7 @@ from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.table import CALM, arrow
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.units import JointUnits
+from parallel_robot_model.common.units import Array, JointUnits
 from parallel_robot_model.configuration.scenario_file import stem
 from parallel_robot_sim.imperfections import ENCODERS
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 FEWEST = 10  # runs of which a rank correlation is computed
 LEVEL = 0.95  # of all intervals

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from parallel_robot_model.common.rounding import rounded
+from parallel_robot_model.common.units import rounded
 
 ZERO = 0.25  # share of a logarithmic range that is added below it, where the gain is 0
 DIGITS = 9  # of a gain that is tried

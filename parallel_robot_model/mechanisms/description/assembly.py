@@ -7,8 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
-from parallel_robot_model.common.rounding import rounded
+from parallel_robot_model.common.units import Array, rounded
 from parallel_robot_model.mechanisms.description.closures import (
     Equation,
     equations,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 TOLERANCE = 1e-5  # singular values, relative to the largest, that count as zero
 TIE = 1e-6  # relative difference of lengths below which the first row is taken

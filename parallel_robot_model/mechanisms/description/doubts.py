@@ -6,8 +6,8 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly
 from parallel_robot_model.mechanisms.description.freedoms import Freedoms
 from parallel_robot_model.mechanisms.description.singular import doubted

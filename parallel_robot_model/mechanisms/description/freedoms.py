@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.choice import independent, null_space, rank
 from parallel_robot_model.mechanisms.description.telling import listed
 

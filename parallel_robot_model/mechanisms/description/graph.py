@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.xml_tree import Node
 from parallel_robot_model.mechanisms.description.parts import (
     HINGE,

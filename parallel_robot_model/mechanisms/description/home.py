@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly
 from parallel_robot_model.mechanisms.description.bounds import LARGEST
 from parallel_robot_model.mechanisms.description.closures import jacobian, residuals

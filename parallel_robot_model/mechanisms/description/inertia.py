@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly, Inertia
 from parallel_robot_model.mechanisms.description.freedoms import Freedoms, followed
 from parallel_robot_model.mechanisms.description.parts import Body, Description, Frame

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, optional, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import xml_tree
 from parallel_robot_model.configuration.xml_tree import Node
 from parallel_robot_model.mechanisms.description.mjcf_actuators import actuators

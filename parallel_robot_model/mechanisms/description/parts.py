@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 
 WORLD = -1  # in place of a body: what does not move
 HINGE, SLIDE, BALL = 'hinge', 'slide', 'ball'

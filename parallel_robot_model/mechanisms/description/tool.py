@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.parts import Description, Frame
 from parallel_robot_model.mechanisms.description.tree import Tree
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed
 from parallel_robot_model.mechanisms import closing
 from parallel_robot_model.mechanisms.margins import margins

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.mechanisms import closing, dynamics, tool
 from parallel_robot_model.mechanisms.description.machine import Machine

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
 from parallel_robot_model.mechanisms import closing, dynamics, free_motion, tool
 from parallel_robot_model.mechanisms.margins import keeps, travel_left

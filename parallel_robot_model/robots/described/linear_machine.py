@@ -19,8 +19,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.faults import FOUND

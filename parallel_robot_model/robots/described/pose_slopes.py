@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Index, Mechanism

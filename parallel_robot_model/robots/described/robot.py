@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import quaternions

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import RobotError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.mechanism import POINT, Index, Mechanism

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.description.parts import WORLD, Description, Frame

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import arctangent, cosine, sine, vector
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
 

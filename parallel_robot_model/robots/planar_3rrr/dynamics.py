@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cross, dot, kernel, vector
 from parallel_robot_model.robots.contract import Model
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque

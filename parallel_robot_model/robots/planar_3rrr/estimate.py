@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, select
 from parallel_robot_model.robots.contract import FOUND, Estimate, Location, no_model
 from parallel_robot_model.robots.planar_3rrr.constants import Constants

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import dot, every, kernel, select, vector
 from parallel_robot_model.robots.contract import FOUND, REACHED
 from parallel_robot_model.robots.planar_3rrr.constants import Constants

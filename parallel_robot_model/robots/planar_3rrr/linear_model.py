@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
 
 NAMES = (

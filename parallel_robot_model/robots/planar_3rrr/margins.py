@@ -6,7 +6,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Fault, Margin
 from parallel_robot_model.robots.feasibility import Infeasible, first_sample

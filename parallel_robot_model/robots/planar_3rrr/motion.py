@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, vector
 from parallel_robot_model.robots.contract import REACHED, JointMotion, Measurement, PoseMotion
 from parallel_robot_model.robots.planar_3rrr.constants import Constants, constants

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, select
 from parallel_robot_model.robots.contract import REACHED
 from parallel_robot_model.robots.planar_3rrr.constants import Constants

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from parallel_robot_model.common.arrays import Array
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.robots.planar_3rrr.constants import Constants
 from parallel_robot_model.robots.planar_3rrr.posture import Posture
