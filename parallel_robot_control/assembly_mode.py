@@ -17,8 +17,7 @@ import numpy as np
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import vector
-from parallel_robot_model.messages.cdr_reader import Reader
-from parallel_robot_model.messages.joint_layouts import passive_names
+from parallel_robot_model.messages.layouts import Reader, passive_names
 from parallel_robot_model.robots.registry import RobotModel
 
 TURNS = 8  # guesses on a turn of each angle of the pose

@@ -51,7 +51,7 @@ from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
 from parallel_robot_model.configuration.hazard_times import HazardTimes
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import OLDEST
-from parallel_robot_model.messages import cdr, cdr_reader, layouts
+from parallel_robot_model.messages import cdr, layouts
 
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
@@ -133,7 +133,7 @@ class Controller(ControllerState):
         """Which reference is missing for long (lockstep); empty for none."""
         if self._pending is None or time.monotonic_ns() - self._answered_at < REPEATED:
             return ''
-        stamp = (cdr_reader.header_stamp(self._pending) or 0) / NANOSECONDS
+        stamp = (layouts.header_stamp(self._pending) or 0) / NANOSECONDS
         newest = f'{self._references.newest / NANOSECONDS} s' if len(self._references) else 'none'
         return f'the state of {stamp} s waits for its reference; the newest one: {newest}'
 
@@ -299,7 +299,7 @@ class Controller(ControllerState):
             ANSWERED, unless it is not to be answered: REFUSED, or REFUSED_LONG.
         """
         numbers = self._numbers
-        stamp, start = cdr_reader.header_stamp(data), int(numbers[START])
+        stamp, start = layouts.header_stamp(data), int(numbers[START])
         if stamp is None or start == NEVER:
             return ANSWERED
         age = start - stamp if numbers[LAST] == NEVER else int(numbers[AGE])

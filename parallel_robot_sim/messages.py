@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.messages import cdr, layouts
-from parallel_robot_model.messages.joint_layouts import passive_names
+from parallel_robot_model.messages.layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
 
 

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.messages import cdr_reader, layouts, topics
+from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.suite_node import SuiteNode
@@ -148,7 +148,7 @@ class PlantNode(SuiteNode):
 
     def _read(self, data: bytes) -> bool:
         """Read a command of another layout; False, and counted, if it is not valid."""
-        torque = cdr_reader.read_numbers(data)
+        torque = layouts.read_numbers(data)
         if torque.shape != self._torque.shape or not np.isfinite(torque).all():
             self.counts['commands that are not three finite torques'] += 1
             return False

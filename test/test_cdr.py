@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot_model.messages import cdr, cdr_reader, layouts
+from parallel_robot_model.messages import cdr, layouts
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 JOINTS = ('joint1', 'j', 'drittes_Gelenk')
@@ -237,7 +237,7 @@ def test_a_whole_run_equals_its_messages_one_by_one():
     for k in range(50):
         one = layout.encode(int(stamps[k]), position=position[k], effort=effort[k])
         assert records[k].tobytes() == one
-        assert cdr_reader.header_stamp(one) == stamps[k]
+        assert layouts.header_stamp(one) == stamps[k]
     together = layout.decode(records.tobytes(), 50)
     assert np.array_equal(cdr.stamps_of(together), stamps)
     assert np.array_equal(together['effort'], effort) and not together['velocity'].any()
@@ -252,7 +252,7 @@ def test_a_message_does_not_remember_the_one_before():
 
 def test_a_reader_reads_what_rosbags_writes():
     _, ours, message = example(CASES['a frame'])
-    reader = cdr_reader.Reader(ours)
+    reader = layouts.Reader(ours)
     assert (reader.header(), reader.texts()) == ('base', JOINTS)
     for field in ('position', 'velocity', 'effort'):
         assert np.array_equal(reader.numbers(), getattr(message, field))
@@ -260,17 +260,17 @@ def test_a_reader_reads_what_rosbags_writes():
     layout = make('std_msgs/msg/MultiArrayLayout', dim=dimensions, data_offset=3)
     numbers = np.arange(4.0)
     shaped = make('std_msgs/msg/Float64MultiArray', layout=layout, data=numbers)
-    assert np.array_equal(cdr_reader.read_numbers(theirs(shaped)), numbers)
+    assert np.array_equal(layouts.read_numbers(theirs(shaped)), numbers)
 
 
 def test_a_reader_ends_with_the_message():
     _, whole, _ = example(CASES['joint_state'])
     for length in range(len(whole)):
         with pytest.raises(ValueError, match=r'ends|CDR'):  # noqa: PT012
-            reader = cdr_reader.Reader(whole[:length])
+            reader = layouts.Reader(whole[:length])
             reader.header(), reader.texts()
             reader.numbers(), reader.numbers(), reader.numbers()
     for lie in (b'\xff\xff\xff\xff', b'\xff\xff\xff\x7f', b'\0\0\0\x20'):
-        assert not cdr_reader.read_numbers(b'\0\1\0\0' + 8 * b'\0' + lie).size
-        assert not cdr_reader.read_numbers(b'\0\1\0\0' + lie).size
-    assert not cdr_reader.read_numbers(b'\0\0' + example(CASES['float64_multi_array'])[1][2:]).size
+        assert not layouts.read_numbers(b'\0\1\0\0' + 8 * b'\0' + lie).size
+        assert not layouts.read_numbers(b'\0\1\0\0' + lie).size
+    assert not layouts.read_numbers(b'\0\0' + example(CASES['float64_multi_array'])[1][2:]).size

@@ -3,7 +3,7 @@
 import pytest
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.messages.joint_layouts import OWN
+from parallel_robot_model.messages.layouts import OWN
 from parallel_robot_model.nodes.our_joints import OurJoints
 
 OURS = ('joint1', 'joint2', 'joint3')

@@ -5,7 +5,7 @@ import pytest
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from parallel_robot_model.messages import cdr_reader, layouts, topics
+from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_node import PlantNode
@@ -87,7 +87,7 @@ def test_a_reset_puts_back_a_robot_that_was_driven_out(rig):
     """It stays silent and says so, until somebody resets it; then the next command moves it."""
     plant, stamp = rig.plant, SECOND
     plant.tick(stamp)
-    start = cdr_reader.header_stamp(rig.states[0]), rig.states[0][12:]
+    start = layouts.header_stamp(rig.states[0]), rig.states[0][12:]
     torque = layouts.float64_multi_array(3).encode(data=[200.0, 200.0, 200.0])
     while not plant.alarm():
         rig.command(data=torque)

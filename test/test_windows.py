@@ -19,7 +19,7 @@ from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import HINGES
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
-from parallel_robot_model.messages.cdr_reader import header_stamp
+from parallel_robot_model.messages.layouts import header_stamp
 from parallel_robot_model.messages.topics import JOINT_STATES, SLIDING_VARIABLE, Topic
 
 MS, SECOND = 10**6, 10**9  # ns

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.messages.cdr_reader import Reader, header_stamp
+from parallel_robot_model.messages.layouts import Reader, header_stamp
 
 MOST = 1000  # points
 MAX_MESSAGE_BYTES = 1 << 20  # bytes of a message that is looked at

@@ -25,7 +25,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.configuration.parameter_file import MOTION
 from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles, known
-from parallel_robot_model.messages import cdr_reader, topics
+from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.parameters import START
@@ -201,7 +201,7 @@ class TrajectoryNode(SuiteNode):
 
     def _on_state(self, data: bytes) -> None:
         """Keep the reference ahead of the plant (lockstep)."""
-        stamp = cdr_reader.header_stamp(data)
+        stamp = layouts.header_stamp(data)
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
         start = self._start or self.loop.step_start

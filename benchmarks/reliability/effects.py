@@ -9,7 +9,7 @@ from typing import NamedTuple
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.cdr import ENCAPSULATION
-from parallel_robot_model.messages.cdr_reader import header_stamp
+from parallel_robot_model.messages.layouts import header_stamp
 
 TOPICS = {
     'states': topics.JOINT_STATES,

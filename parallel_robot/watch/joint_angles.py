@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from parallel_robot_model.messages.cdr_reader import Reader
+from parallel_robot_model.messages.layouts import Reader
 
 LONGEST = 1 << 16  # bytes of a message that is looked at
 

@@ -11,7 +11,7 @@ from rclpy.subscription import Subscription
 
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.messages.joint_layouts import OWN
+from parallel_robot_model.messages.layouts import OWN
 from parallel_robot_model.messages.topics import QUEUE, Topic
 from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.nodes.our_joints import OurJoints

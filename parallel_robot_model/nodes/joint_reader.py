@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import cdr
-from parallel_robot_model.messages.joint_layouts import OWN, joint_message
+from parallel_robot_model.messages.layouts import OWN, joint_message
 from parallel_robot_model.messages.topics import Topic
 
 MAX_MESSAGE_BYTES = 1 << 16  # bytes of a message that is looked at; one of 100 joints has 10 000

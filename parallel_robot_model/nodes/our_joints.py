@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.messages.joint_layouts import joint_message
+from parallel_robot_model.messages.layouts import joint_message
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import MAX_MESSAGE_BYTES
 

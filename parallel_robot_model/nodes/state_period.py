@@ -12,7 +12,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from parallel_robot_model.common.units import NANOSECONDS, usual_step
 from parallel_robot_model.configuration.loop import MICROSECOND
-from parallel_robot_model.messages import cdr_reader
+from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import JOINT_STATES, QUEUE
 from parallel_robot_model.nodes.our_joints import OurJoints
 from parallel_robot_model.nodes.subscription import listen
@@ -38,7 +38,7 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
     ours, stamps, parent = OurJoints(JOINT_STATES, joints), [], os.getppid()
 
     def take(data: bytes, _: int, number: int) -> None:
-        stamp = None if ours.others(data) else cdr_reader.header_stamp(data)
+        stamp = None if ours.others(data) else layouts.header_stamp(data)
         if stamp is not None:
             stamps.append(stamp)
 

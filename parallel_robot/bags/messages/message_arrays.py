@@ -15,8 +15,7 @@ from parallel_robot.bags.messages.message_parts import Messages
 from parallel_robot.bags.messages.message_parts import Samples as Samples
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import cdr, layouts, topics
-from parallel_robot_model.messages.cdr_reader import Reader
-from parallel_robot_model.messages.joint_layouts import OWN, joint_message
+from parallel_robot_model.messages.layouts import OWN, Reader, joint_message
 from parallel_robot_model.messages.topics import Topic
 
 Kind = tuple[cdr.Layout, tuple[str, ...]]  # and the joints
