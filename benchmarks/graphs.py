@@ -16,7 +16,7 @@ from typing import NamedTuple
 from checkout import ROOT
 from graph_processes import end, nodes_below, start
 
-from parallel_robot_model.messages import node_graph
+from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.node_processes import MODULES
 
 COMMAND = ('-m', 'parallel_robot.cli.command_line')
@@ -74,7 +74,7 @@ def command(words: Sequence[str], outcome: Outcome) -> Iterator[Graph]:
 @contextlib.contextmanager
 def nodes(assignments: Sequence[str]) -> Iterator[Graph]:
     """The suite's nodes without a recorder, in lockstep, by hand; assignments are KEY=VALUE."""
-    counts = node_graph.subscribers(LOOP, lockstep=True)
+    counts = topics.subscribers(LOOP, lockstep=True)
     processes = {}
     try:
         for name in LOOP:
@@ -167,5 +167,5 @@ def _graph(processes: Mapping[str, subprocess.Popen[str]]) -> Graph:
 
 def subscribers(lockstep: bool, recorded: bool) -> dict[str, int]:
     """How many subscribers each topic of the twin has."""
-    counts = node_graph.subscriptions((*LOOP, 'recorder') if recorded else LOOP, lockstep)
+    counts = topics.subscriptions((*LOOP, 'recorder') if recorded else LOOP, lockstep)
     return {topic.name: count for topic, count in counts.items()}

@@ -7,7 +7,7 @@ import rclpy
 from ros_fixtures import until
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.messages.node_graph import OUTPUTS, subscribers, subscriptions
+from parallel_robot_model.messages.topics import OUTPUTS, subscribers, subscriptions
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']

@@ -9,7 +9,7 @@ from typing import Any
 from parallel_robot.bags.reading.bag_view import NAMES, BagView, view
 from parallel_robot.cli.window import add_window_arguments
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.messages.namespaces import add_namespace_argument, full
+from parallel_robot_model.messages.topics import add_namespace_argument, full
 
 NOT_IN_FOREIGN = 'none in a bag of somebody else; --figure FILE draws one'
 

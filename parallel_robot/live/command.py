@@ -16,7 +16,7 @@ from parallel_robot.bags.custom_code.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot_model.common.errors import InputError, StoppedError
-from parallel_robot_model.messages.namespaces import add_namespace_argument, full
+from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import discovery
 from parallel_robot_model.processes.ending_signals import ending_signals
 

@@ -11,7 +11,7 @@ from typing import Any
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.bag_view import view as checked
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.messages.namespaces import full
+from parallel_robot_model.messages.topics import full
 from parallel_robot_sim.scenario_run import changes
 
 OF_BAG = (  # what a bag does not say itself, beside keys of the configuration

@@ -5,7 +5,13 @@ All names are relative: a namespace or a remapping moves them.
 
 from __future__ import annotations
 
+import argparse
+import re
+from collections import Counter
+from collections.abc import Iterable
 from typing import NamedTuple
+
+from parallel_robot_model.common.errors import InputError
 
 DEPTH = 10_000  # samples that publishers keep for subscribers that must not lose any: ten seconds
 QUEUE = 1000  # length of the queue of a node of the suite, in samples
@@ -70,3 +76,62 @@ RECORDED = (
 def recorded(placed: bool) -> tuple[Topic, ...]:
     """Topics that a bag holds; the pose only of a robot that moves in a plane."""
     return tuple(topic for topic in RECORDED if placed or topic not in (POSE, POSE_REFERENCE))
+
+
+# The namespace of a robot's nodes and topics, by which several robots share a ROS domain.
+
+MAX_LENGTH = 100  # characters; the middleware has 247 for a whole name
+NAMESPACE = re.compile(r'(?!.*__)(/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*|/?)', re.ASCII)
+
+
+def add_namespace_argument(
+    parser: argparse.ArgumentParser, text: str, default: str | None = ''
+) -> None:
+    """Declare ``--namespace``."""
+    parser.add_argument('--namespace', default=default, metavar='NAME', help=text)
+
+
+def full(name: str) -> str:
+    """Full name of a namespace, e.g. ``/left``; empty for none.
+
+    Raises:
+        InputError: ROS does not allow the name.
+    """
+    if not NAMESPACE.fullmatch(name) or len(name) > MAX_LENGTH:
+        raise InputError(
+            'namespace must be words of letters, digits and single underscores joined by /, none '
+            f'beginning with a digit, at most {MAX_LENGTH} characters, e.g. left, not {name!r}'
+        )
+    name = name.strip('/')
+    return f'/{name}' if name else ''
+
+
+# Which node of a run publishes what for the others, and who subscribes to it.
+#
+# A node is ready when its output has all its subscribers, and in lockstep the plant begins when
+# all are ready: a node that is missing here would miss the first states.
+
+OUTPUTS = {'trajectory': REFERENCE, 'plant': JOINT_STATES, 'controller': COMMANDS}
+INPUTS = {
+    'trajectory': (),
+    'plant': (COMMANDS,),
+    'controller': (JOINT_STATES, REFERENCE),
+    'recorder': RECORDED,
+}
+LOCKSTEP_INPUTS = {'trajectory': (JOINT_STATES,)}  # in addition: the plant sets the pace
+
+
+def subscriptions(nodes: Iterable[str], lockstep: bool) -> Counter[Topic]:
+    """How many of some nodes, by their names, subscribe to each topic."""
+    counts: Counter[Topic] = Counter()
+    for name in nodes:
+        counts.update(INPUTS[name])
+        if lockstep:
+            counts.update(LOCKSTEP_INPUTS.get(name, ()))
+    return counts
+
+
+def subscribers(nodes: Iterable[str], lockstep: bool) -> dict[str, int]:
+    """Name of each node that has an output to how many of some nodes subscribe to it."""
+    counts = subscriptions(nodes, lockstep)
+    return {name: counts[topic] for name, topic in OUTPUTS.items()}

@@ -26,13 +26,7 @@ from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.messages.topics import (
-    JOINT_STATES,
-    RECORDED,
-    REFERENCE,
-    STATUS,
-    Topic,
-)
+from parallel_robot_model.messages.topics import JOINT_STATES, RECORDED, REFERENCE, STATUS, Topic
 
 AROUND = 0.2  # s of messages before and after a window that are read with it
 TRIES = 1, 30, None  # margins before a window [SLACK] from where on it is looked for

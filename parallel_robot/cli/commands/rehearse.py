@@ -35,7 +35,7 @@ from parallel_robot_model.common.errors import (
     StoppedError,
 )
 from parallel_robot_model.configuration import assignments, parameter_file
-from parallel_robot_model.messages.namespaces import add_namespace_argument, full
+from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_sim.configuration import configure
 
 LAW = 'observer_s_fotsmc'

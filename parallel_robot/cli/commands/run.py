@@ -34,8 +34,7 @@ from parallel_robot_model.configuration import assignments, hazards
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.configuration.scenario_file import absolute
-from parallel_robot_model.messages.namespaces import add_namespace_argument, full
-from parallel_robot_model.messages.node_graph import subscribers
+from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
 from parallel_robot_model.processes import cache_directory, discovery
 from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.module_process import command, die_with_parent

@@ -10,7 +10,7 @@ import time
 from parallel_robot.watch.graph import Graph
 from parallel_robot.watch.robots import Robot, Robots
 from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.messages.namespaces import add_namespace_argument, full
+from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import discovery
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
