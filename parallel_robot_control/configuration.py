@@ -21,8 +21,16 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config, fields, modules
 from parallel_robot_model.configuration.config import PRESET
-from parallel_robot_model.configuration.fields import Field, defaults, parameters, plain
-from parallel_robot_model.configuration.groups import Declared, Groups, build, group
+from parallel_robot_model.configuration.fields import (
+    Declared,
+    Field,
+    Groups,
+    build_groups,
+    defaults,
+    group,
+    parameters,
+    plain,
+)
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating
@@ -152,7 +160,7 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
     loop = loop_of(values)
     with locating(values):
         robot, laws = module_of(loop), available(loop.custom_laws)
-        groups = build(values, [('robot', robot.Parameters), *declared(robot, laws)])
+        groups = build_groups(values, [('robot', robot.Parameters), *declared(robot, laws)])
         guess = groups[ControllerParameters].guess or _first_pose(values)
         nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         return control_from(loop, groups, nominal, laws, guess, lambda: trajectory_of(values))
@@ -257,7 +265,7 @@ def _preset(robot_model: str, *custom: tuple[str, ...]) -> Mapping[str, Any]:
     named = {'robot_model': robot_model, **dict(paths)}
     values = config.preset(named, load(named))
     laws = available(custom[0])
-    groups = build(values, of_laws(laws))
+    groups = build_groups(values, of_laws(laws))
     return {name: groups.at(name, law.Gains) for name, law in laws.items()}
 
 

@@ -9,7 +9,7 @@ from parallel_robot_control import configuration as control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.groups import Declared, Groups, build
+from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.robots import configuration as model
@@ -98,7 +98,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
     with locating(values):
         robot, laws = module_of(loop), control.available(loop.custom_laws)
         known = shapes(loop.custom_trajectories)
-        groups = build(
+        groups = build_groups(
             values,
             [
                 *model.declared(robot),
@@ -127,7 +127,7 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     loop = loop_of(values)
     with locating(values):
         robot = module_of(loop)
-        return _plant_from(loop, robot, build(values, declared(robot)), values)
+        return _plant_from(loop, robot, build_groups(values, declared(robot)), values)
 
 
 def _plant_from(

@@ -12,8 +12,8 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
+from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.configuration.loop import SWAPPED
-from parallel_robot_model.configuration.zero_angles import corrected
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration

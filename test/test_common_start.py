@@ -6,7 +6,7 @@ import pytest
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.nodes.parameters import CommonStart
 

@@ -14,7 +14,7 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import assignments, config, config_files
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics
 from parallel_robot_model.robots import configuration as model
 from parallel_robot_model.robots.configuration import robot_of

@@ -4,7 +4,7 @@ import numpy as np
 from assembly import make_plant, open_loop
 
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots.disturbance import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')

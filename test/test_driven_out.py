@@ -18,7 +18,7 @@ from parallel_robot.cli.commands import run
 from parallel_robot.cli.ros_session import Session
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX

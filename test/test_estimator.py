@@ -14,7 +14,7 @@ from parallel_robot_control.estimation.estimator import (
     estimated,
 )
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 
 H = 1e-3  # s
 T = np.arange(2001) * H

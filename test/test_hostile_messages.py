@@ -14,7 +14,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics
 from parallel_robot_sim.plant_node import PlantNode
 from trajectory_gen.configuration import trajectory_of

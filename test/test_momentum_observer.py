@@ -8,7 +8,7 @@ from vectors import OnVectors
 
 from parallel_robot_control.estimation.momentum_observer import Observed, observed
 from parallel_robot_model.compiler import as_vectors, kernel
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.contract import Model
 

@@ -25,7 +25,7 @@ from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot_control.messages import Status, answers_message, status_message
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
@@ -287,7 +287,7 @@ def test_a_full_disk_is_handed_over(tmp_path):
         from parallel_robot.bags.writing.recorder import Recorder
         from parallel_robot_model.configuration import config
         from parallel_robot_model.messages import layouts, topics
-        from parallel_robot_model.configuration.groups import group
+        from parallel_robot_model.configuration.fields import group
         from parallel_robot_model.configuration.loop import LoopParameters
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))

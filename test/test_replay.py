@@ -30,7 +30,7 @@ from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import STEP_START, LoopParameters
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant

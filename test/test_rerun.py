@@ -21,7 +21,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import rerun, run
 from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import topics
 

@@ -10,7 +10,7 @@ from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import adrc, fixed_time_smc, tdc
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots.contract import Model
 
 observed = on_vectors(adrc.observed)

@@ -9,7 +9,7 @@ from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.terms.integral import advanced
 from parallel_robot_model.compiler import as_arrays
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots.contract import Model
 
 update = on_vectors(s_fotsmc.update)

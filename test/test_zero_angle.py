@@ -6,7 +6,7 @@ import pytest
 import parallel_robot as pr
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.zero_angles import corrected
+from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.poses import poses_of
 

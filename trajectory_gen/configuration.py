@@ -11,7 +11,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, fields, modules, points_file, points_table
-from parallel_robot_model.configuration.groups import Declared, Groups, build
+from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating, places_of
@@ -111,7 +111,7 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
     loop = loop_of(values)
     with locating(values):
         robot, known = module_of(loop), shapes(loop.custom_trajectories)
-        groups = build(values, [('robot', robot.Parameters), *declared(robot, known)])
+        groups = build_groups(values, [('robot', robot.Parameters), *declared(robot, known)])
         nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         check_columns(values, nominal)
         return Motions(nominal, known, groups, values.get(INITIAL, ()))
@@ -158,7 +158,7 @@ def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:
         InputError: a value is wrong, or a list of a custom trajectory has another length, for
             which it would have to be compiled.
     """
-    groups = build(values, declared(motions.robot.module, motions.shapes))
+    groups = build_groups(values, declared(motions.robot.module, motions.shapes))
     made = motions._replace(groups=groups)
     for name in motions.shapes.keys() - SHAPES.keys():
         if _lengths(made.given(name)) != _lengths(motions.given(name)):

@@ -22,9 +22,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from parallel_robot_model.common.errors import InputError, MotionError, ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.configuration.parameter_file import MOTION
-from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.life_cycle import run_node

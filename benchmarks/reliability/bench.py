@@ -17,7 +17,7 @@ from reliability.watch_node import Watch, decoded
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_sim.messages import state_layout

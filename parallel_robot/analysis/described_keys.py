@@ -7,8 +7,7 @@ from typing import Any
 
 from parallel_robot.analysis.monitor import MonitorParameters
 from parallel_robot_control.configuration import available
-from parallel_robot_model.configuration.fields import Field, parameters
-from parallel_robot_model.configuration.joint_fields import joint_field
+from parallel_robot_model.configuration.fields import Field, joint_field, parameters
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_model.robots.registry import module_of

@@ -11,8 +11,7 @@ from std_msgs.msg import Float64
 from parallel_robot.analysis.monitor import Monitor, MonitorParameters
 from parallel_robot.analysis.posture import Posture
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.configuration.groups import group
-from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles, known
+from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, group, known
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import JointReader

@@ -10,8 +10,8 @@ import numpy as np
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
-from parallel_robot_model.configuration.zero_angles import known
 from parallel_robot_model.messages.topics import MARKERS_EVERY
 from parallel_robot_model.robots.link import FIXED
 from parallel_robot_model.robots.poses import poses_of

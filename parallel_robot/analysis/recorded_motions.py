@@ -17,7 +17,7 @@ from parallel_robot.bags.run.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.zero_angles import corrected
+from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.messages.topics import REFERENCE
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim import plant_again

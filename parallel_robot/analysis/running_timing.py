@@ -16,7 +16,7 @@ from parallel_robot.bags.run import command_states
 from parallel_robot.bags.run.command_states import Answers
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.plant import PlantParameters

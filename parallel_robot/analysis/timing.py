@@ -15,7 +15,7 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.plant import PlantParameters

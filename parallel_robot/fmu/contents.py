@@ -18,7 +18,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Boxed, vector
-from parallel_robot_model.configuration.zero_angles import ESTIMATOR, ZeroAngles
+from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.assembly import assemble_plant

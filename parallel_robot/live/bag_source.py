@@ -36,7 +36,7 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config import default
-from parallel_robot_model.configuration.zero_angles import corrected
+from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_sim.motions import differs
 
 PAST = 12.0  # s before a moment that is sought, for the curves

@@ -24,7 +24,7 @@ from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.module_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age

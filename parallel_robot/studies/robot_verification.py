@@ -10,7 +10,7 @@ import numpy as np
 from parallel_robot.studies.verification import SCENARIOS
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.placed import merged
 from parallel_robot_model.robots.configuration import load
 from parallel_robot_model.robots.registry import KERNELS

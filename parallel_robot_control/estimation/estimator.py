@@ -21,8 +21,7 @@ from parallel_robot_control.estimation.lock_in import LockIn
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.compiler import Space, clip, kernel, select, vector
-from parallel_robot_model.configuration.fields import Field, PerJoint
-from parallel_robot_model.configuration.zero_angles import ZeroAngle
+from parallel_robot_model.configuration.fields import Field, PerJoint, ZeroAngle
 
 NONE, FILTER, LEVANT, KALMAN, AGED = range(5)
 KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN, 'aged': AGED}

@@ -6,7 +6,7 @@ import functools
 import math
 import os
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import (
     Annotated,
     Any,
@@ -23,6 +23,8 @@ from typing import (
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError, apart
+from parallel_robot_model.common.units import Array, JointUnits
+from parallel_robot_model.configuration.placed import locating
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
@@ -219,3 +221,118 @@ def _noun(kind: Any) -> str:
 
 def _article(kind: Any) -> str:
     return _noun(kind) if kind in (str, bool) else f'a {_noun(kind)}'
+
+
+# Typed groups of a configuration: each package declares its own; built once, at the edge.
+
+Declared = Iterable[tuple[str, Any]]  # prefix and type of each group; '': keys without a dot
+
+
+class Groups:
+    """Groups of parameters, whose values are checked: ``groups[SafetyParameters]``."""
+
+    def __init__(self, groups: Mapping[tuple[str, Any], Any]) -> None:
+        """Hold the groups of prefixes and types."""
+        self._found = groups
+
+    def __getitem__(self, kind: type[Group]) -> Group:
+        """The group of a type that is declared once."""
+        (group_of_kind,) = (group for (_, known), group in self._found.items() if known is kind)
+        return group_of_kind
+
+    def at(self, prefix: str, kind: type[Group]) -> Group:
+        """The group of a type that has several prefixes, e.g. that of two robots."""
+        group_there: Group = self._found[prefix, kind]
+        return group_there
+
+
+def build_groups(values: Mapping[str, Any], declared: Declared) -> Groups:
+    """Build the typed groups of a resolved configuration.
+
+    Args:
+        values: Dotted key to value. Keys that no group declares are left to others.
+        declared: The groups. Several may share a prefix.
+
+    Raises:
+        InputError: a value is missing or wrong.
+    """
+    given = values.get('joints')
+    joints = len(given) if isinstance(given, list) else None
+    groups: dict[tuple[str, Any], Any] = {}
+    for prefix, kind in declared:
+        start = f'{prefix}.' if prefix else ''
+        keys = [parameter.key for parameter in parameters(kind)]
+        own = {key: values[start + key] for key in keys if start + key in values}
+        groups[prefix, kind] = build(kind, own, start, joints)
+    return Groups(groups)
+
+
+def group(values: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
+    """Build one group alone, see :func:`build`.
+
+    Raises:
+        InputError: a value is missing or wrong; it says where that stands.
+    """
+    with locating(values):
+        return build_groups(values, [(prefix, kind)])[kind]
+
+
+# Units of the parameters of a robot's joints.
+
+PHASE = 'disturbance.phase'  # an angle of all joints
+ROBOTS = ('robot', 'true_robot')  # of whose parameters some are per joint, others geometry
+
+
+def joint_field(
+    key: str, parameter: Parameter, units: JointUnits, motions: Collection[str] = ()
+) -> Field:
+    """What a parameter means, with the unit of the joints that there are.
+
+    Args:
+        key: Its key.
+        parameter: The parameter.
+        units: Units of the joints.
+        motions: Names of motions, whose angles are those of the pose.
+    """
+    group, field = key.partition('.')[0], parameter.field
+    of_robot = group in ROBOTS and parameter.type is not PerJoint
+    if of_robot or group in motions or key == PHASE:
+        return field
+    return field._replace(unit=units.of(field.unit))
+
+
+# Zero angles of the encoders that are known, which are taken off the measured positions.
+
+ESTIMATOR = 'estimator'  # prefix of their group
+ZeroAngle = Annotated[
+    PerJoint,
+    Field('rad', 'zero angle that is taken off the measured positions, as `calibrate` finds it'),
+]
+
+
+class ZeroAngles(NamedTuple):
+    """The part of the estimator's parameters that every node needs that looks at positions."""
+
+    zero_angle: ZeroAngle
+
+
+def corrected(values: Mapping[str, Any], position: Array) -> Array:
+    """Positions of the joints as the controller takes them.
+
+    Args:
+        values: A resolved configuration, perhaps that of a bag.
+        position: Measured positions [rad], shape (N, n).
+
+    Raises:
+        InputError: ``estimator.zero_angle`` is wrong.
+    """
+    return np.asarray(position - known(values), np.float64)
+
+
+def known(values: Mapping[str, Any]) -> Array:
+    """Zero angles that are known [rad], shape (n,).
+
+    Raises:
+        InputError: ``estimator.zero_angle`` is wrong.
+    """
+    return np.array(group(values, ZeroAngles, ESTIMATOR).zero_angle)

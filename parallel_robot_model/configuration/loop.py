@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import hazards
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.groups import build
+from parallel_robot_model.configuration.fields import Field, build_groups
 from parallel_robot_model.configuration.placed import locating
 from parallel_robot_model.messages.topics import SLOW
 
@@ -113,7 +112,7 @@ def loop_of(values: Mapping[str, Any]) -> LoopParameters:
             not a whole number of microseconds; a motion without samples.
     """
     with locating(values):
-        loop = build(values, [('', LoopParameters)])[LoopParameters]
+        loop = build_groups(values, [('', LoopParameters)])[LoopParameters]
         _check(loop)
     return loop
 

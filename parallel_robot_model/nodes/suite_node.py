@@ -29,8 +29,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import config, fields, loop, scenario_file
-from parallel_robot_model.configuration.groups import build
-from parallel_robot_model.configuration.joint_fields import joint_field
+from parallel_robot_model.configuration.fields import build_groups, joint_field
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.background import Background
@@ -261,7 +260,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             InputError: a value is wrong.
         """
         # A node that is started with its own parameters must find the file of its scenario.
-        groups = build({**self.values, 'scenario': self._scenario}, declared)
+        groups = build_groups({**self.values, 'scenario': self._scenario}, declared)
         for prefix, kind in declared:
             values = groups.at(prefix, kind)
             for parameter, value in zip(fields.parameters(kind), values, strict=True):

@@ -8,7 +8,7 @@ from typing import Any
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration import config, modules
-from parallel_robot_model.configuration.groups import Declared, group
+from parallel_robot_model.configuration.fields import Declared, group
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.placed import locating

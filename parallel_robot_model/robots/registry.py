@@ -21,8 +21,7 @@ from parallel_robot_model.compiler import (
     shape_of,
 )
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.fields import Field, check, defaults
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import Field, check, defaults, group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.processes import custom_module
 from parallel_robot_model.processes.trial_process import LIMIT, step

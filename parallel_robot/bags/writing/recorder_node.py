@@ -19,7 +19,7 @@ from parallel_robot.bags.writing.ros_topics import (
     listen_all,
 )
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import WAIT
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.life_cycle import run_node

@@ -41,7 +41,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.robots.configuration import is_known
 from parallel_robot_model.robots.registry import RobotModel
 

@@ -28,8 +28,7 @@ from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_model.configuration.fields import Field, check, known
 from trajectory_gen import preflight
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Trajectory

@@ -32,8 +32,7 @@ from parallel_robot.studies.identification.regression_rows import CUTOFF, highes
 from parallel_robot.studies.identification.rest import Rest, Resting
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.tables import Part, ShownResult
-from parallel_robot_model.configuration.groups import group
-from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_model.configuration.fields import group, known
 from parallel_robot_sim.plant import PlantParameters
 
 

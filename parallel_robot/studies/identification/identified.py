@@ -25,7 +25,7 @@ from parallel_robot.studies.identification.unexplained import Unexplained
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.groups import group
+from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.registry import RobotModel

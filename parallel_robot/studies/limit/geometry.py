@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.zero_angles import known
+from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_sim.configuration import Configuration
 
