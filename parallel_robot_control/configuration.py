@@ -33,7 +33,7 @@ from parallel_robot_model.configuration.fields import (
 )
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.modules import Modules
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with

@@ -11,7 +11,7 @@ from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots import configuration as model
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.disturbance import DisturbanceParameters

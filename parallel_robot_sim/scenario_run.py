@@ -17,7 +17,7 @@ from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration import parameter_file
-from parallel_robot_model.configuration.placed import Placed, merged
+from parallel_robot_model.configuration.plain_data import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure

@@ -16,7 +16,7 @@ from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part

@@ -14,7 +14,7 @@ from parallel_robot_model.configuration import config, fields, modules, points_f
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.modules import Modules
-from parallel_robot_model.configuration.placed import locating, places_of
+from parallel_robot_model.configuration.plain_data import locating, places_of
 from parallel_robot_model.robots import configuration as model
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with

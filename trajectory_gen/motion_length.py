@@ -10,7 +10,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.loop import DURATION
-from parallel_robot_model.configuration.placed import Placed, merged
+from parallel_robot_model.configuration.plain_data import Placed, merged
 from trajectory_gen.configuration import resolve, trajectory_of
 
 KEY = 'duration'

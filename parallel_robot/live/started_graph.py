@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot.cli.commands import run
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.processes.node_processes import NodeProcesses, domain_lock
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import configure

@@ -16,7 +16,7 @@ from parallel_robot.studies.tuning.compared import Compared, compare
 from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.errors import Frame, pandas
-from parallel_robot_model.configuration.placed import Placed
+from parallel_robot_model.configuration.plain_data import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 from parallel_robot_sim.scenario_run import named
 

@@ -12,7 +12,7 @@ from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes, named

@@ -18,7 +18,7 @@ from parallel_robot.python import arguments
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes, named
 from parallel_robot_sim.simulation import RunSummary, parts

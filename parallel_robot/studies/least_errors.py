@@ -22,7 +22,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.configuration import config, plain_data
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.imperfections import ENCODERS

@@ -20,7 +20,7 @@ from parallel_robot.studies.verification import (
     torques,
 )
 from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.described.default_values import at_home

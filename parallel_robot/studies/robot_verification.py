@@ -11,7 +11,7 @@ from parallel_robot.studies.verification import SCENARIOS
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.robots.configuration import load
 from parallel_robot_model.robots.registry import KERNELS
 from parallel_robot_model.robots.robot_checks import RATE, Check, checks

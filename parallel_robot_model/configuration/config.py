@@ -22,7 +22,7 @@ from parallel_robot_model.configuration.config_files import directory as directo
 from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
 from parallel_robot_model.configuration.modules import CODE, Modules
-from parallel_robot_model.configuration.placed import Placed, locating, merged, places_of
+from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
 from parallel_robot_model.configuration.robot_names import DESCRIPTION
 
 CUSTOM = CODE

@@ -24,7 +24,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError, apart
 from parallel_robot_model.common.units import Array, JointUnits
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple

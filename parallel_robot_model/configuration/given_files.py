@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from parallel_robot_model.configuration import points_file, robot_names
-from parallel_robot_model.configuration.placed import Placed
+from parallel_robot_model.configuration.plain_data import Placed
 
 
 def filled(values: Placed) -> Placed:

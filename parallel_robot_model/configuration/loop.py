@@ -9,7 +9,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import hazards
 from parallel_robot_model.configuration.fields import Field, build_groups
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import SLOW
 
 STEP_START = NANOSECONDS  # earliest stamp of t = 0 in lockstep; 0 is "no time yet" in ROS

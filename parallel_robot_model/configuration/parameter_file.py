@@ -9,7 +9,7 @@ from typing import Any
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import yaml_file
-from parallel_robot_model.configuration.placed import Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import Place, Placed, locating
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'monitor')  # which have a configuration
 ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node

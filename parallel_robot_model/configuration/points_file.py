@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import points_table
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.placed import Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import Place, Placed, locating
 from parallel_robot_model.configuration.points_table import COLUMNS, UNITS, Table
 
 FILE, TIMES, POINTS = 'waypoints.file', 'waypoints.times', 'waypoints.points'

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config_files, robot_file
-from parallel_robot_model.configuration.placed import Placed, locating
+from parallel_robot_model.configuration.plain_data import Placed, locating
 
 MODEL, DESCRIPTION = 'robot_model', 'robot_description'
 SUFFIXES = ('.xml', '.mjcf', '.urdf', '.sdf', '.xacro')

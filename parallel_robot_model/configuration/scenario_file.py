@@ -6,7 +6,7 @@ from pathlib import Path
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import given_files, parameter_file, robot_names, yaml_file
-from parallel_robot_model.configuration.placed import Placed, locating
+from parallel_robot_model.configuration.plain_data import Placed, locating
 
 SUFFIXES = ('.yaml', '.yml')
 MAX_NAME_LENGTH = 200  # characters of a name

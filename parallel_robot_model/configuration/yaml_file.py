@@ -14,8 +14,7 @@ import yaml
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.hazards import KEY as HAZARDS
-from parallel_robot_model.configuration.placed import Place, Placed
-from parallel_robot_model.configuration.plain_data import LOADER
+from parallel_robot_model.configuration.plain_data import LOADER, Place, Placed
 
 TEXT, STRING = 'tag:yaml.org,2002:str', 40  # tag of a text; characters of a value in a message
 

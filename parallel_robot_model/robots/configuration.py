@@ -11,7 +11,7 @@ from parallel_robot_model.configuration import config, modules
 from parallel_robot_model.configuration.fields import Declared, group
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.modules import Modules
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters

@@ -13,7 +13,7 @@ from parallel_robot.cli.result_format import JSON, add_format_argument, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import robot_names, scenario_file
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.configuration import robot_of
 
 PICTURES = ('.png', '.pdf', '.svg')

@@ -32,7 +32,7 @@ from parallel_robot_model.common.errors import (
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import assignments, hazards
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.configuration.scenario_file import absolute
 from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
 from parallel_robot_model.processes import cache_directory, discovery

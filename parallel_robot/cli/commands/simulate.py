@@ -28,7 +28,7 @@ from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration import assignments, config, given_files, parameter_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
-from parallel_robot_model.configuration.placed import Placed, merged
+from parallel_robot_model.configuration.plain_data import Placed, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation

@@ -9,7 +9,7 @@ from parallel_robot.analysis.posture import posture_of
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration.placed import locating
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.configuration.robot_names import scenario_of
 
 

@@ -15,7 +15,7 @@ from parallel_robot.studies.robot_verification import verify_robot
 from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers, verify
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
-from parallel_robot_model.configuration.placed import Placed
+from parallel_robot_model.configuration.plain_data import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 
 TOLERANCE = 1e-9  # m or rad

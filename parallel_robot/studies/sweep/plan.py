@@ -28,7 +28,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import JointUnits, all_of
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.placed import Placed, locating, merged
+from parallel_robot_model.configuration.plain_data import Placed, locating, merged
 from parallel_robot_model.configuration.scenario_file import stem
 from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_sim.configuration import configure

@@ -14,7 +14,7 @@ from parallel_robot.studies.sweep.uncertainty import Uncertainty
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data, yaml_file
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.placed import Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import Place, Placed, locating
 from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 
 MOST_RUNS = 10_000_000

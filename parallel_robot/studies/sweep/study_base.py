@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.placed import Place
+from parallel_robot_model.configuration.plain_data import Place
 
 GROUPS = ('set', 'uncertainty')  # are merged key by key; a key is in one of them
 

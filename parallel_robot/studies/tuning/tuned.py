@@ -20,7 +20,7 @@ from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import Frame, RunError, pandas
 from parallel_robot_model.common.tables import Part, ShownResult, Table
-from parallel_robot_model.configuration.placed import merged
+from parallel_robot_model.configuration.plain_data import merged
 
 REASONS = 3  # most frequent reasons of infeasible trials to report
 
