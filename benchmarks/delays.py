@@ -21,7 +21,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.delay_identification import result
 from parallel_robot_control.estimation.lock_in import KEPT
 from parallel_robot_model.common.errors import ParallelRobotError
-from parallel_robot_model.configuration import assignments
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import Simulation, simulate
 
@@ -31,7 +31,7 @@ LAW = 'observer_s_fotsmc'
 def main() -> None:
     """Print what was found, and the errors."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 256
-    changes = {'sensor.stamp': 'sent', **assignments.parse(sys.argv[2:])}
+    changes = {'sensor.stamp': 'sent', **yaml_file.parse_assignments(sys.argv[2:])}
     asked = study.parse(study.read(study.file_of('laboratory')), 'laboratory')
     planned = plan.plan(replace(asked, laws=tuple(x for x in asked.laws if x.name == LAW)))
     rows = planned.rows(0, 0, count)

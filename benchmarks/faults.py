@@ -30,7 +30,7 @@ from reliability.rows import ROWS, Row
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_model.common.errors import ParallelRobotError, RunError
-from parallel_robot_model.configuration import assignments, config
+from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.processes.node_processes import domain_lock
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
@@ -105,7 +105,7 @@ def main() -> int:
     """Run what is wanted; write the page when that is everything."""
     arguments = parse()
     try:
-        changed = assignments.parse(arguments.assignments)
+        changed = yaml_file.parse_assignments(arguments.assignments)
         compile_kernels(config.resolve('paper_circle', changed))
     except ParallelRobotError as error:
         print(f'faults: {error}', file=sys.stderr)

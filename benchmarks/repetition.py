@@ -20,7 +20,7 @@ from parallel_robot.studies.sweep import plan, study
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration import assignments
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 
@@ -42,7 +42,7 @@ CASES: dict[str, tuple[str, dict[str, Any]]] = {
 def main() -> None:
     """Print the errors of each case."""
     count = int(sys.argv[1]) if len(sys.argv) > 1 else 32
-    learning = {'repetition.gain': 0.5, **assignments.parse(sys.argv[2:])}
+    learning = {'repetition.gain': 0.5, **yaml_file.parse_assignments(sys.argv[2:])}
     for name, (scenario, given) in CASES.items():
         show(name, {law: errors(scenario, law, given, learning) for law in LAWS})
     asked = study.parse(study.read(study.file_of('laboratory')), 'laboratory')

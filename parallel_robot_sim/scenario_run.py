@@ -16,7 +16,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
-from parallel_robot_model.configuration import parameter_file
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.plain_data import Placed, merged
 from parallel_robot_model.robots.configuration import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
@@ -228,7 +228,7 @@ def changes(param_file: File | Iterable[File] | None, values: Mapping[str, Any])
     Raises:
         InputError: a file cannot be read, or something is no file.
     """
-    return merged([*(parameter_file.read(path) for path in _files(param_file)), values])
+    return merged([*(yaml_file.read_parameter_file(path) for path in _files(param_file)), values])
 
 
 def run_of(values: Mapping[str, Any], made: Simulation) -> Run:

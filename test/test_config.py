@@ -13,7 +13,7 @@ from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import assignments, config, config_files
+from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics
 from parallel_robot_model.robots import configuration as model
@@ -212,7 +212,7 @@ def test_a_broken_file_is_named(files, content):
     ],
 )
 def test_words_of_the_command_line_are_yaml(word, value):
-    parsed = assignments.parse([word])['a']
+    parsed = yaml_file.parse_assignments([word])['a']
     assert parsed == value and type(parsed) is type(value)
 
 
@@ -221,7 +221,7 @@ def test_words_of_the_command_line_are_yaml(word, value):
 )
 def test_words_that_assign_nothing_are_refused(word):
     with pytest.raises(InputError):
-        assignments.parse([word])
+        yaml_file.parse_assignments([word])
 
 
 def test_a_group_takes_only_its_own_keys(values):

@@ -3,7 +3,7 @@
 import pytest
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import parameter_file
+from parallel_robot_model.configuration import yaml_file
 
 PLAIN = 'law: smc\ncircle:\n  radius: 0.02\nsmc.z: 21.0\n'
 OF_ROS = """
@@ -33,24 +33,24 @@ def file(tmp_path):
 def test_both_forms_give_the_same(file, text, caplog):
     file.write_text(text)
     found = {'law': 'smc', 'circle.radius': 0.02, 'smc.z': 21.0}
-    assert parameter_file.read(file) == found and not caplog.messages
+    assert yaml_file.read_parameter_file(file) == found and not caplog.messages
 
 
 def test_namespaces_are_looked_into(file):
     file.write_text('left:\n  cell:\n    plant:\n      ros__parameters: {period: 0.002}\n')
-    assert parameter_file.read(file) == {'period': 0.002}
+    assert yaml_file.read_parameter_file(file) == {'period': 0.002}
 
 
 def test_a_node_wins_over_all_wherever_it_stands(file):
     file.write_text(
         '/plant: {ros__parameters: {period: 0.002}}\n/**: {ros__parameters: {period: 0.005}}\n'
     )
-    assert parameter_file.read(file) == {'period': 0.002}
+    assert yaml_file.read_parameter_file(file) == {'period': 0.002}
 
 
 def test_nodes_of_others_are_left_out_with_a_warning(file, caplog):
     file.write_text('/rviz: {ros__parameters: {a: 1}}\n/plant: {ros__parameters: {period: 0.01}}')
-    assert parameter_file.read(file) == {'period': 0.01}
+    assert yaml_file.read_parameter_file(file) == {'period': 0.01}
     assert caplog.messages == [
         f'{file}: /rviz is not a node of the suite; its parameters are left out'
     ]
@@ -79,5 +79,5 @@ def test_nodes_of_others_are_left_out_with_a_warning(file, caplog):
 def test_what_is_wrong_is_said(file, text, reason):
     file.write_text(text)
     with pytest.raises(InputError) as caught:
-        parameter_file.read(file)
+        yaml_file.read_parameter_file(file)
     assert str(caught.value).startswith(str(file)) and reason in str(caught.value)

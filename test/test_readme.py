@@ -11,7 +11,7 @@ from PIL import Image
 from parallel_robot.cli.command_line import build_parser
 from parallel_robot.cli.commands.simulate import given
 from parallel_robot.studies.least_errors import is_study
-from parallel_robot_model.configuration import assignments, config
+from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.messages import topics
 
 ROOT = Path(__file__).parents[1]
@@ -71,7 +71,7 @@ def test_executables_exist_and_their_parameters_resolve(command, monkeypatch):
         return
     assert (ROOT / 'scripts' / words[3]).is_file()
     words = [word.replace(':=', '=') for word in words if ':=' in word]
-    changes = assignments.parse(words)
+    changes = yaml_file.parse_assignments(words)
     config.resolve(changes.pop('scenario', 'paper_circle'), changes)
 
 

@@ -10,7 +10,7 @@ import yaml
 from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.configuration import config, parameter_file
+from parallel_robot_model.configuration import config, yaml_file
 
 LAW = str(Path(__file__).parents[1] / 'docs' / 'example_law.py')
 
@@ -78,7 +78,7 @@ def test_the_file_for_ros_is_a_parameter_file_for_a_run(tmp_path, capsys, monkey
     monkeypatch.chdir(tmp_path)
     file = tmp_path / 'ros.yaml'
     file.write_text(shown(capsys, 'paper_circle', '--law', 'smc', '--format', 'ros'))
-    assert parameter_file.read(file)['law'] == 'smc'
+    assert yaml_file.read_parameter_file(file)['law'] == 'smc'
     words = ['--param-file', 'ros.yaml', '--duration', '0.05', '--set', 's_fotsmc.G=12']
     assert main(['simulate', 'paper_circle', *words, '--out', 'bag']) == 0
 

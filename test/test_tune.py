@@ -25,7 +25,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.configuration import parameter_file
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import parameters
 
 pytest.importorskip('optuna')
@@ -303,7 +303,7 @@ def test_the_estimator_is_searched_along_with_the_gains(tmp_path):
     figures = {row['xy_rms_m'] for row in rows if row['estimator.kind'] == 'filter'}
     assert len(figures) > 1
     for name in ('tuned.yaml', 'tuned_ros.yaml'):  # what --param-file makes of them
-        values = resolve('paper_circle', parameter_file.read(out / name))
+        values = resolve('paper_circle', yaml_file.read_parameter_file(out / name))
         assert values['estimator.kind'] == found['estimator']['kind']
         assert values['estimator.bandwidth'] == found['estimator']['bandwidth']
         assert values['pid.Kp'] == found['pid']['Kp']

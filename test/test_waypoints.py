@@ -8,7 +8,7 @@ from parallel_robot import simulate
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import config, parameter_file, points_table
+from parallel_robot_model.configuration import config, points_table, yaml_file
 from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
@@ -131,10 +131,8 @@ def test_a_file_of_parameters_needs_no_file_of_points(scenario, capsys):
     (scenario.parent / 'all.yaml').write_text(capsys.readouterr().out)
     values = config.resolve(str(scenario))
     (scenario.parent / 'points.csv').unlink()
-    again = config.resolve('paper_circle', {
-        key: value for key, value in parameter_file.read(scenario.parent / 'all.yaml').items()
-        if key != 'scenario'
-    })  # fmt: skip
+    shown = yaml_file.read_parameter_file(scenario.parent / 'all.yaml')
+    again = config.resolve('paper_circle', {k: v for k, v in shown.items() if k != 'scenario'})
     assert {k for k in values if values[k] != again[k]} == {'scenario'}
 
 

@@ -24,7 +24,7 @@ from parallel_robot_model.common.errors import InputError, MotionError, Parallel
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
-from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.life_cycle import run_node

@@ -11,7 +11,7 @@ from parallel_robot.live.frames import Camera
 from parallel_robot.live.source import Description
 from parallel_robot.watch.robots import NODES, SILENT, Robot
 from parallel_robot_control.laws import title
-from parallel_robot_model.configuration.parameter_file import is_configuration
+from parallel_robot_model.configuration.yaml_file import is_configuration
 
 UNIT = re.compile(r'(.*?)(?: \[([^\]]*)\])?', re.DOTALL)
 SHAPE = 'trajectory.shape'

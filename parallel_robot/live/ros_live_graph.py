@@ -20,7 +20,7 @@ from parallel_robot.watch.graph import Tell
 from parallel_robot.watch.robots import Robots
 from parallel_robot.watch.ros_graph import ANSWER_TIMEOUT, RosGraph
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.parameter_file import is_configuration
+from parallel_robot_model.configuration.yaml_file import is_configuration
 from parallel_robot_model.messages import cdr, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import JointReader

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import plain
-from parallel_robot_model.configuration.parameter_file import CODE as CODE
+from parallel_robot_model.configuration.yaml_file import CODE as CODE
 
 Defaults = Mapping[str, Mapping[str, Any]]  # key to value, by name of the module
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import given_files, parameter_file, robot_names, yaml_file
+from parallel_robot_model.configuration import given_files, robot_names, yaml_file
 from parallel_robot_model.configuration.plain_data import Placed, locating
 
 SUFFIXES = ('.yaml', '.yml')
@@ -96,7 +96,7 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
             what = 'lead in a circle' if place in way else f'are more than {MAX_BASES}'
             raise InputError(f'{way[0]}: the bases of a scenario {what}: {steps}')
         values = yaml_file.read(place)
-        if parameter_file.is_of_ros(values):
+        if yaml_file.is_ros_parameter_file(values):
             raise InputError(f'{place} is a parameter file of ROS: give it by --param-file')
         with locating(values):
             base = values.pop('base', None)
@@ -116,7 +116,7 @@ def layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]
 
 def _check(path: Path, values: Placed) -> None:
     """Refuse what a scenario may not say."""
-    for key in parameter_file.CODE & values.keys():
+    for key in yaml_file.CODE & values.keys():
         raise InputError(f'{key} is given on a command line alone: it is code', key)
     if values.pop('scenario', path.stem) != path.stem:
         raise InputError('a scenario has the name of its file; remove its scenario', 'scenario')

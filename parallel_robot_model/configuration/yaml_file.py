@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import datetime
+import logging
 import math
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ import yaml
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.hazards import KEY as HAZARDS
-from parallel_robot_model.configuration.plain_data import LOADER, Place, Placed
+from parallel_robot_model.configuration.plain_data import LOADER, Place, Placed, locating
 
 TEXT, STRING = 'tag:yaml.org,2002:str', 40  # tag of a text; characters of a value in a message
 
@@ -181,3 +183,116 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) ->
                 raise InputError(f'{where}: {what}')
         values[key] = value
         values.places[key] = Place(str(path), key_node.start_mark.line + 1)
+
+
+# Parameter files: keys and values, or the form in which ROS has them, by node.
+
+NODES = ('trajectory', 'plant', 'controller', 'recorder', 'monitor')  # which have a configuration
+ROS_PARAMETERS = ('use_sim_time', 'start_type_description_service')  # of every node
+OTHER_GROUPS = ('qos_overrides.', 'granted.')  # prefixes of what is not configuration
+MOTION = 'granted.motion'  # the newest that the trajectory node took over while it ran, in words
+CODE = {'custom_laws', 'custom_robots', 'custom_trajectories'}  # keys that name Python files
+MARK = 'ros__parameters'  # between the name of a node and its parameters
+
+
+def is_configuration(name: str) -> bool:
+    """Whether a parameter of a node belongs to the configuration, as far as its name tells."""
+    return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
+
+
+def read_parameter_file(path: Path) -> Placed:
+    """Read a parameter file.
+
+    In the form of ROS, what is for a node wins over what is for all (``/**``), whatever the
+    namespace; other nodes are left out with a warning, and so are parameters of ROS itself.
+
+    Args:
+        path: Its place.
+
+    Returns:
+        Dotted key to value.
+
+    Raises:
+        InputError: it cannot be read, names code, or gives two nodes different values of one key.
+    """
+    values = read(path)
+    if is_ros_parameter_file(values):
+        values = _by_node(path, values)
+    for key in CODE & values.keys():
+        if values[key]:
+            with locating(values):
+                raise InputError(f'{key} is code: give it by --set {key}=[FILE]', key)
+        del values[key]
+    return values
+
+
+def is_ros_parameter_file(values: Mapping[str, Any]) -> bool:
+    """Whether flat keys are those of a parameter file of ROS."""
+    return any(MARK in key.split('.') for key in values)
+
+
+def _by_node(path: Path, values: Placed) -> Placed:
+    """Parameters of the nodes of the suite."""
+    parameters: dict[str, tuple[Any, str, Place]] = {}  # value, the node that it is for, its place
+    strangers = set()
+    for own in (False, True):  # a node's own parameters count more than those for all
+        for full, value in values.items():
+            node, _, key = f'.{full}'.partition(f'.{MARK}.')
+            node = node.removeprefix('.').replace('.', '/')
+            if not key:
+                raise InputError(f'{path}: {printable(full)} stands outside {MARK}')
+            if not node:
+                raise InputError(f'{path}: {MARK} must stand under the name of a node, or /**')
+            name = node.rpartition('/')[2]
+            if name not in NODES and '*' not in name:
+                strangers.add(printable(node))
+            elif (name in NODES) == own and is_configuration(key):
+                before, other, _ = parameters.get(key, (value, '', None))
+                if before != value and (other.rpartition('/')[2] in NODES or not own):
+                    raise InputError(
+                        f'{path}: {key} is {before} for {other} and {value} for {node}'
+                    )
+                parameters[key] = value, node, values.places[full]
+    for name in sorted(strangers):
+        text = f'{path}: {name} is not a node of the suite; its parameters are left out'
+        logging.getLogger('parallel_robot').warning(text)
+    return Placed(
+        {key: value for key, (value, *_) in parameters.items()},
+        {key: place for key, (*_, place) in parameters.items()},
+    )
+
+
+# Words ``KEY=VALUE`` of a command line.
+
+
+def parse_assignments(assignments: list[str], option: str = '--set') -> dict[str, Any]:
+    """Read ``key=value`` words of a command line; values as in YAML. The option is for messages.
+
+    Raises:
+        InputError: a word without '=' or with a value that YAML cannot read.
+    """
+    values = {}
+    for word in assignments:
+        key, equals, value = word.partition('=')
+        if not equals or not key:
+            raise InputError(f'{option} takes KEY=VALUE, not {word!r}')
+        try:
+            read = yaml.load(value, Loader)  # numbers as in a file
+        except (yaml.YAMLError, ValueError, RecursionError) as error:  # the 45th of a month
+            shown = printable(value)
+            why = f': {printable(error)}' if isinstance(error, ValueError) else ''
+            raise InputError(f'{option} {key}: {shown!r} is not a YAML value{why}') from None
+        if not isinstance(read, (bool, int, float, str, list, dict, type(None))):
+            raise InputError(f'{option} {key}: YAML reads {kind_of(read)}; quote {value}')
+        values[key.strip()] = _number(read)
+    return values
+
+
+def _number(value: Any) -> Any:
+    """A number that YAML reads as text, such as 1e6, because it expects a decimal point."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value

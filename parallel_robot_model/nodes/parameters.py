@@ -15,7 +15,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
-from parallel_robot_model.configuration.parameter_file import is_configuration
+from parallel_robot_model.configuration.yaml_file import is_configuration
 
 START = 'start_stamp'  # the one parameter that every node takes while it runs, once
 

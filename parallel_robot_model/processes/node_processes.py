@@ -17,7 +17,7 @@ from typing import IO, Any, NamedTuple
 
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.parameter_file import MARK
+from parallel_robot_model.configuration.yaml_file import MARK
 from parallel_robot_model.processes import forked_process
 from parallel_robot_model.processes.cache_directory import NOTICE
 from parallel_robot_model.processes.forked_process import ForkedProcess

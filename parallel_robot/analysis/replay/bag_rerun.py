@@ -26,7 +26,7 @@ from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages.topics import SLOW
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states

@@ -15,7 +15,7 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
-from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.configuration.yaml_file import MOTION
 
 REALTIME = 'granted.realtime'  # parameter of a node
 FEW = 5  # changes of the motion that are told one by one

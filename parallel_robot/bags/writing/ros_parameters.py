@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 
-from parallel_robot_model.configuration.parameter_file import MOTION
+from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages.topics import DEPTH
 
 Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters

@@ -30,7 +30,7 @@ from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES
-from parallel_robot_model.configuration import assignments
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if 'law' in assignments.parse(arguments.assignments):
+    if 'law' in yaml_file.parse_assignments(arguments.assignments):
         raise InputError('--set law: compare has all laws, or those of --laws')
     overrides = simulate.overrides(arguments)
     overrides |= law_file.files_of(arguments.laws or (), overrides)

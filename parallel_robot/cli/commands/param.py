@@ -7,8 +7,8 @@ import argparse
 import yaml
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import assignments, yaml_file
-from parallel_robot_model.configuration.parameter_file import MARK
+from parallel_robot_model.configuration import yaml_file
+from parallel_robot_model.configuration.yaml_file import MARK
 
 ACTIONS = ('get', 'set', 'dump')
 
@@ -28,7 +28,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if (action == 'dump') == bool(words):
         what = {'get': 'KEY', 'set': 'KEY=VALUE', 'dump': 'no more words'}[action]
         raise InputError(f'{action} NODE takes {what}' + (f', not {words[0]!r}' if words else ''))
-    changes = assignments.parse(words, action) if action == 'set' else {}
+    changes = yaml_file.parse_assignments(words, action) if action == 'set' else {}
     from parallel_robot.cli.ros_remote import remote  # only this command needs ROS
 
     with remote(arguments.node) as node:

@@ -34,7 +34,7 @@ from parallel_robot_model.common.errors import (
     RunError,
     StoppedError,
 )
-from parallel_robot_model.configuration import assignments, parameter_file
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_sim.configuration import configure
 
@@ -87,7 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if 'duration' in assignments.parse(arguments.assignments):
+    if 'duration' in yaml_file.parse_assignments(arguments.assignments):
         raise InputError('--set duration: each step has its own')
     base = base_of(arguments.scenario, given(arguments))
     steps = steps_of(arguments.scenario, base)
@@ -253,5 +253,5 @@ def _learn(bag: Path, file: Path) -> dict[str, Any]:
     )
     nm = found.found.nominal.robot.joint_units.of('N m')
     print(f'  ok      {file}: torque error, rms, {before:.2g} {nm} before, now {now:.2g} {nm}')
-    learnt = parameter_file.read(file)
+    learnt = yaml_file.read_parameter_file(file)
     return {key: value for key, value in learnt.items() if not key.startswith('friction.')}

@@ -30,7 +30,7 @@ from parallel_robot_model.common.errors import (
     StoppedError,
 )
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration import assignments, hazards
+from parallel_robot_model.configuration import hazards, yaml_file
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.configuration.scenario_file import absolute
@@ -77,7 +77,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.time_mode is not None:
         changed = changed | {'time_mode': arguments.time_mode}
     for key in OF_RUN:
-        if key in assignments.parse(arguments.assignments):
+        if key in yaml_file.parse_assignments(arguments.assignments):
             raise InputError(f'{key} is set by run itself; it cannot be changed by --set')
         changed.pop(key, None)  # of a parameter file, which may be one for other runs
     namespace = full(arguments.namespace)

@@ -25,10 +25,9 @@ from parallel_robot_model.common.errors import InputError, clean, printable
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, scenario_file
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.parameter_file import MARK
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.configuration.robot_names import scenario_of
-from parallel_robot_model.configuration.yaml_file import text_of
+from parallel_robot_model.configuration.yaml_file import MARK, text_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
 

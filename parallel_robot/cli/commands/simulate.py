@@ -25,7 +25,7 @@ from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.configuration import assignments, config, given_files, parameter_file
+from parallel_robot_model.configuration import config, given_files, yaml_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.plain_data import Placed, merged
@@ -131,8 +131,8 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     Raises:
         InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
     """
-    layers = [(str(path), parameter_file.read(path)) for path in arguments.param_files]
-    layers.append((config.OVERRIDE, Placed(assignments.parse(arguments.assignments))))
+    layers = [(str(path), yaml_file.read_parameter_file(path)) for path in arguments.param_files]
+    layers.append((config.OVERRIDE, Placed(yaml_file.parse_assignments(arguments.assignments))))
     return [(name, given_files.filled(values)) for name, values in layers]
 
 
@@ -147,7 +147,10 @@ def overrides(arguments: argparse.Namespace) -> Placed:
     Raises:
         InputError: no such scenario, or an argument is wrong.
     """
-    assigned, law = assignments.parse(arguments.assignments), getattr(arguments, 'law', None)
+    assigned, law = (
+        yaml_file.parse_assignments(arguments.assignments),
+        getattr(arguments, 'law', None),
+    )
     of_law = {} if law is None else law_file.chosen(law, assigned)
     options = {'law': of_law.get('law'), 'duration': arguments.duration}
     options = {key: value for key, value in options.items() if value is not None}

@@ -21,7 +21,7 @@ from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits
-from parallel_robot_model.configuration import assignments
+from parallel_robot_model.configuration import yaml_file
 
 FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
 SIZE = (7.0, 4.8)  # inches; higher for more labels
@@ -93,7 +93,10 @@ def read(directory: Path) -> Front:
         own = {'trial', 'chosen', effort.column, error.column}
         gains = [key for key in head if key not in own]
         trials = tuple(
-            (int(row['trial']), assignments.parse([f'{key}={row[key]}' for key in gains], table))
+            (
+                int(row['trial']),
+                yaml_file.parse_assignments([f'{key}={row[key]}' for key in gains], table),
+            )
             for row in rows
         )
         chosen = [row['chosen'] for row in rows].index('1')

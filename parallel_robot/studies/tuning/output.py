@@ -18,8 +18,7 @@ from parallel_robot.studies.tuning.trial import Trial
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.parameter_file import MARK
-from parallel_robot_model.configuration.yaml_file import text_of
+from parallel_robot_model.configuration.yaml_file import MARK, text_of
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from parallel_robot_control.foreign.update import Gains
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.prepared_laws.prepared_law import judge
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import assignments
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import (
     Field,
     Parameter,
@@ -268,7 +268,7 @@ def _given(
 def _between(where: str, parameter: Parameter, parts: list[str]) -> Range | Choice:
     kind, field = parameter.type, parameter.field
     kind = float if words(kind) else kind
-    values = [assignments.parse([f'value={part}'])['value'] for part in parts]
+    values = [yaml_file.parse_assignments([f'value={part}'])['value'] for part in parts]
     if get_origin(kind) is Literal or kind is bool:
         chosen = tuple(check(where, kind, field, value) for value in values)
         return Choice(tuple(dict.fromkeys(chosen)))
