@@ -29,8 +29,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
 from parallel_robot_control.transitions import joining
 from parallel_robot_model.compiler import vector
-from parallel_robot_model.configuration.hazard_times import UNTOLD
-from parallel_robot_model.configuration.hazards import KINDS, Hazard, parse
+from parallel_robot_model.configuration.hazards import KINDS, UNTOLD, Hazard, parse
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration, configure

@@ -48,8 +48,7 @@ from parallel_robot_control.shared_arrays import (
     UNTIL,
 )
 from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
-from parallel_robot_model.configuration.hazard_times import HazardTimes
-from parallel_robot_model.configuration.hazards import parse
+from parallel_robot_model.configuration.hazards import HazardTimes, parse
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages import cdr, layouts
 

@@ -16,7 +16,7 @@ from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.hazard_times import SIGNS, HazardTimes
+from parallel_robot_model.configuration.hazards import SIGNS, HazardTimes
 from parallel_robot_sim.assembly import Plant
 from trajectory_gen.trajectory import Reference
 

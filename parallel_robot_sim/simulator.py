@@ -8,7 +8,7 @@ from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import entry_point, need_compiler, vector
-from parallel_robot_model.configuration.hazard_times import HazardTimes
+from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.assembly import assemble_plant

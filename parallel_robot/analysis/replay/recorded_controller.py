@@ -33,8 +33,7 @@ from parallel_robot_control.transitions import (
 )
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.hazard_times import HazardTimes
-from parallel_robot_model.configuration.hazards import parse
+from parallel_robot_model.configuration.hazards import HazardTimes, parse
 
 HIDDEN = 2  # states after a change whose torques may not show it yet
 PROOF = 20  # states on which guesses are compared

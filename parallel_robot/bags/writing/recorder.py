@@ -23,8 +23,7 @@ from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.topic_stream import TopicStream
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration import plain_data
-from parallel_robot_model.configuration.hazard_times import HazardTimes
-from parallel_robot_model.configuration.hazards import parse
+from parallel_robot_model.configuration.hazards import HazardTimes, parse
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import (

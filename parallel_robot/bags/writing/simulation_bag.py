@@ -29,7 +29,7 @@ from parallel_robot_control.messages import (
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.hazard_times import HazardTimes
+from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.course import Course
 from parallel_robot_sim.messages import ReportedEffort, state_layout, state_messages
