@@ -6,7 +6,7 @@ from scipy import constants
 from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import points_table
+from parallel_robot_model.configuration import points
 from parallel_robot_model.robots.configuration import resolve, robot_of
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.orientation_path import as_poses, continuous
@@ -39,7 +39,7 @@ KINDS = 'time', 'length', 'length', 'angle'  # of the columns t, x, y, phi
 def table(tmp_path, header, rows, **options):
     path = tmp_path / 'points.csv'
     path.write_text('\n'.join([header, *(', '.join(map(str, row)) for row in rows)]))
-    return points_table.read(path, **options)
+    return points.read_table(path, **options)
 
 
 def test_a_table_of_poses_in_space_in_millimetres_and_degrees(tmp_path):
@@ -50,7 +50,7 @@ def test_a_table_of_poses_in_space_in_millimetres_and_degrees(tmp_path):
 
 
 def test_each_unit_is_of_its_size_and_of_its_columns_alone(tmp_path):
-    assert {kind: {*sizes} for kind, sizes in points_table.KINDS.items()} == {
+    assert {kind: {*sizes} for kind, sizes in points.KINDS.items()} == {
         kind: {*sizes} for kind, sizes in SI.items()
     }
     for kind, sizes in SI.items():

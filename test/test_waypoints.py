@@ -8,7 +8,8 @@ from parallel_robot import simulate
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import config, points_table, yaml_file
+from parallel_robot_model.configuration import config, yaml_file
+from parallel_robot_model.configuration import points as points_table
 from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.motion_doubts import motion_doubts
@@ -314,7 +315,7 @@ def test_a_table_that_is_too_large_is_not_read(scenario, monkeypatch):
     path = scenario.parent / 'points.csv'
     monkeypatch.setattr(points_table, 'MAX_BYTES', len(GOOD) - 1)
     with pytest.raises(InputError, match=f'has more than {len(GOOD) - 1} bytes'):
-        points_table.read(path)
+        points_table.read_table(path)
 
 
 def test_a_log_of_many_rows_is_thinned_and_told(scenario):

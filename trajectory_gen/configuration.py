@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config, fields, modules, points_file, points_table
+from parallel_robot_model.configuration import config, fields, modules, points
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.modules import Modules
@@ -22,7 +22,7 @@ from trajectory_gen import hold, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
-OF_FILE = (points_file.FILE, points_file.THINNED, points_table.COLUMNS, points_table.UNITS)
+OF_FILE = (points.POINTS_FILE, points.THINNED, points.COLUMNS, points.UNITS)
 FIXED = ('trajectory.lookahead', *OF_FILE)  # at the start
 INITIAL = 'plant.initial_pose'
 QUATERNIONS = 'quaternions'
@@ -127,22 +127,22 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
     Raises:
         InputError: they are.
     """
-    place = places_of(values).get(points_file.POINTS)
+    place = places_of(values).get(points.POINTS)
     if place is None or not place.columns or values['trajectory.shape'] != 'waypoints':
         return
     module, columns = robot.module, place.columns
     axes = module.coordinates(robot.parameters)
     own = columns == tuple(axis.name for axis in axes)
-    plane = columns in (points_table.PLANE, points_table.PLANE[:2])
-    other = points_table.is_joint(columns[0]) or columns[-1] == points_table.QUATERNION[-1]
+    plane = columns in (points.PLANE, points.PLANE[:2])
+    other = points.is_joint(columns[0]) or columns[-1] == points.QUATERNION[-1]
     if own or other or (plane and (robot.planar or len(columns) != len(axes))):
         return  # or it is told elsewhere
     names = ', '.join(f'{axis.name} [{axis.unit}]' for axis in axes)
     kind = 'a place in a plane' if plane else 'of another robot'
     raise InputError(
-        f'{points_file.FILE}: columns {", ".join(columns)} are {kind}; a point must '
+        f'{points.POINTS_FILE}: columns {", ".join(columns)} are {kind}; a point must '
         f'be a pose of {robot.name}, {names}',
-        points_file.POINTS,
+        points.POINTS,
     )
 
 

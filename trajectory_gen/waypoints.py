@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.points_file import MAX_POINTS
+from parallel_robot_model.configuration.points import MAX_POINTS
 from parallel_robot_model.robots.contract import PoseMotion
 
 RESIDUAL = 1e-9  # of a spline at its points, relative to the largest coordinate

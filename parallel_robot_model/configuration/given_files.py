@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from parallel_robot_model.configuration import points_file, robot_names
+from parallel_robot_model.configuration import points, robot_names
 from parallel_robot_model.configuration.plain_data import Placed
 
 
@@ -12,4 +12,4 @@ def filled(values: Placed) -> Placed:
     Raises:
         InputError: a file cannot be read, or is no such file.
     """
-    return robot_names.filled(points_file.filled(values))
+    return robot_names.filled(points.with_points(values))
