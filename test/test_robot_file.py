@@ -6,7 +6,7 @@ import pytest
 from machine_files import INERTIAL, five_bar, joint, link, mjcf
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration import xml_tree
+from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.configuration.robot_file import text_of
 
 HINGE = f'<body><joint name="j"/>{INERTIAL.format(0, 1)}</body>'
@@ -32,7 +32,7 @@ def test_what_needs_files_and_what_is_for_the_eye_is_dropped(write):
         '<body name="c"><geom size="1"/></body>'
     )
     text = text_of(write(mjcf(body, '<asset><mesh name="m" file="m.stl"/></asset>')))
-    root = xml_tree.parse(text, 'text')
+    root = robot_file.parse_xml(text, 'text')
     assert [node.tag for node in root.iter()] == [
         'mujoco', 'worldbody', 'body', 'joint', 'inertial', 'frame', 'body', 'geom',
     ]  # fmt: skip
@@ -42,13 +42,13 @@ def test_what_needs_files_and_what_is_for_the_eye_is_dropped(write):
 def test_elements_stay_on_their_lines(write):
     text = text_of(write('<mujoco>\n<asset>\n</asset>\n\n<worldbody>\n<body name="x"/>\n\n'
                          '</worldbody><equality/></mujoco>'))  # fmt: skip
-    body = xml_tree.parse(text, 'text').find('worldbody/body')
+    body = robot_file.parse_xml(text, 'text').find('worldbody/body')
     assert body.line == 6 and body.place == 'text, line 6'
 
 
 def test_special_characters_survive(write):
     name = "a&lt;b&gt; &amp; &quot;c&quot; 'd' é &#10;"
-    root = xml_tree.parse(text_of(write(f'<robot name="{name}"/>')), 'text')
+    root = robot_file.parse_xml(text_of(write(f'<robot name="{name}"/>')), 'text')
     assert root.get('name') == 'a<b> & "c" \'d\' é \n'
 
 
@@ -57,7 +57,7 @@ def test_files_are_included_from_the_folder(write):
     write('<mujoco><option gravity="0 0 0"/></mujoco>', 'options.xml')
     world = '<frame><include file="parts/leg.xml"/></frame>'
     text = text_of(write(mjcf(world, '<include file="options.xml"/>')))
-    root = xml_tree.parse(text, 'text')
+    root = robot_file.parse_xml(text, 'text')
     assert root.find('worldbody/frame/body/joint').get('name') == 'j'
     assert root.find('option') is not None and root.find('include') is None
     assert root.find('option').place == 'text'  # the line would be that of another file
@@ -118,13 +118,13 @@ def test_declared_encodings_are_read(write):
     text = '<?xml version="1.0" encoding="{}"?><robot name="é"/>'
     for encoding in ('iso-8859-1', 'utf-16', 'utf-8', 'cp1252'):
         path = write(text.format(encoding).encode(encoding))
-        assert xml_tree.parse(text_of(path), 'text').get('name') == 'é'
+        assert robot_file.parse_xml(text_of(path), 'text').get('name') == 'é'
 
 
 def test_what_most_readers_forgive_is_forgiven(write):
     """Comments with dashes, and lines before the declaration."""
     text = '\n<!-- a -- b\n-->\n<?xml version="1.0"?>\n<robot name="r">\n<link/></robot>'
-    root = xml_tree.parse(text_of(write(text, 'robot.urdf')), 'text')
+    root = robot_file.parse_xml(text_of(write(text, 'robot.urdf')), 'text')
     assert root.get('name') == 'r' and root.line == 5 and root.find('link').line == 6
 
 
@@ -149,7 +149,7 @@ def test_loops_stand_in_the_text_of_a_urdf(write):
     path = write(f'<robot>{link("a")}{link("b")}{joint("j", "a", "b")}</robot>', 'robot.urdf')
     write("closed_loop: [['a', 'b']]\nname_mot: [j]\njoint_name: [j]\njoint_type: [SPHERICAL]",
           'robot.yaml')  # fmt: skip
-    root = xml_tree.parse(text_of(path), 'text')
+    root = robot_file.parse_xml(text_of(path), 'text')
     assert root.find('closed_loop').attrib == {'first': 'a', 'second': 'b', 'type': '6d'}
     assert root.find('name_mot').attrib == {'joint': 'j'}
     assert root.find('joint_type').attrib == {'joint': 'j', 'type': 'SPHERICAL'}

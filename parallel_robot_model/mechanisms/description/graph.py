@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.xml_tree import Node
+from parallel_robot_model.configuration.robot_file import Node
 from parallel_robot_model.mechanisms.description.parts import (
     HINGE,
     SLIDE,

@@ -8,8 +8,8 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration import xml_tree
-from parallel_robot_model.configuration.xml_tree import Node
+from parallel_robot_model.configuration import robot_file
+from parallel_robot_model.configuration.robot_file import Node
 from parallel_robot_model.mechanisms.description.mjcf_actuators import actuators
 from parallel_robot_model.mechanisms.description.mjcf_compiler import compiled, specified
 from parallel_robot_model.mechanisms.description.mjcf_text import prepare
@@ -56,7 +56,7 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
         InputError: MuJoCo is not installed or does not take the file.
     """
     doubts = prepare(root)
-    return specified(xml_tree.write(root, merged), source, merged), doubts
+    return specified(robot_file.write_xml(root, merged), source, merged), doubts
 
 
 class _Reading:

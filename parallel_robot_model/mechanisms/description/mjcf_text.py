@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from parallel_robot_model.common.errors import printable
-from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.telling import listed
 
 REFUSED = {

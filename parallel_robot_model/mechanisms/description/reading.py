@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.configuration import xml_tree
-from parallel_robot_model.configuration.xml_tree import Node
+from parallel_robot_model.configuration import robot_file
+from parallel_robot_model.configuration.robot_file import Node
 from parallel_robot_model.mechanisms.description import bounds, mjcf, sdf, urdf
 from parallel_robot_model.mechanisms.description.parts import Description
 
@@ -44,4 +44,4 @@ def parsed(text: str, source: str) -> tuple[Node, bool]:
     Raises:
         InputError: the text is no XML.
     """
-    return xml_tree.parse(text, source), text.startswith(f'<?{xml_tree.MERGED}?>')
+    return robot_file.parse_xml(text, source), text.startswith(f'<?{robot_file.MERGED}?>')

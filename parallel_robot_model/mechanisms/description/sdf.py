@@ -6,7 +6,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.graph import Edge, Link, built
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.parts import WORLD, Frame
 from parallel_robot_model.mechanisms.description.tree import joined
 from parallel_robot_model.mechanisms.description.values import (

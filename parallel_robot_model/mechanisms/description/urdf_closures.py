@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from parallel_robot_model.common.errors import printable
-from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.graph import Edge
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,

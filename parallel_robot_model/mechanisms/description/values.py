@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.xml_tree import Node, children, refused
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.parts import WORLD, Frame
 
 MOMENTS = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
