@@ -12,7 +12,7 @@ from launch.substitutions import LaunchConfiguration, TextSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from parallel_robot_model.configuration import scenario_file
+from parallel_robot_model.configuration import config_files
 
 PARAMETERS = {  # of all nodes, where they are given
     'scenario': ('one of config/scenarios or a YAML file, else paper_circle', str),
@@ -44,7 +44,7 @@ BESIDE_ROS2_CONTROL = [('robot_description', 'monitor/robot_description')]
 def nodes(context: LaunchContext) -> list[Node]:
     """Make the nodes, with the parameters that the arguments give them."""
     given = {name: LaunchConfiguration(name).perform(context) for name in (*PARAMETERS, *OTHERS)}
-    given['scenario'] = scenario_file.absolute(given['scenario'])
+    given['scenario'] = config_files.absolute_scenario(given['scenario'])
     parameters = {
         name: ParameterValue(
             TextSubstitution(text=given[name]), value_type=str if given[name] == AUTO else kind

@@ -11,7 +11,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
-from parallel_robot_model.configuration import config, robot_names
+from parallel_robot_model.configuration import config, config_files
 from parallel_robot_model.mechanisms.skeleton import drawn
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.configuration import robot_of
@@ -21,7 +21,7 @@ from parallel_robot_model.robots.tree import angles_of, links_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate
 
-MACHINES = config.directory() / robot_names.FOLDER
+MACHINES = config.directory() / config_files.MACHINES
 OF_ARM = {'safety.min_sin_elbow', 'trajectory.min_sin_elbow'}
 
 

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from parallel_robot_model.configuration import config, scenario_file
+from parallel_robot_model.configuration import config, config_files
 
 ASKED = '_ARGCOMPLETE'  # set by the shell while it asks
 
@@ -48,15 +48,15 @@ def _completer(find: Callable[[], list[str]]) -> Callable[..., list[str]]:
 
 
 def _scenarios() -> list[str]:
-    return scenario_file.names(config.directory() / 'scenarios')
+    return config_files.scenario_names(config.directory() / 'scenarios')
 
 
 def _studies() -> list[str]:
-    return scenario_file.names(config.directory() / 'studies')
+    return config_files.scenario_names(config.directory() / 'studies')
 
 
 def _laws() -> list[str]:
-    return scenario_file.names(config.directory() / 'laws')
+    return config_files.scenario_names(config.directory() / 'laws')
 
 
 def _keys() -> list[str]:

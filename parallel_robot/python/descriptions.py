@@ -11,9 +11,9 @@ from parallel_robot.analysis.posture import posture_of
 from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes, named
 

@@ -22,8 +22,12 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.configuration import config, plain_data
+from parallel_robot_model.configuration.config_files import (
+    MAX_BASES,
+    absolute_scenario,
+    scenario_stem,
+)
 from parallel_robot_model.configuration.plain_data import merged
-from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.imperfections import ENCODERS
 from parallel_robot_sim.simulation import ENDLESS
@@ -148,7 +152,7 @@ def _experiments(
         if runs is not None:
             raise InputError(f'--runs is for studies; {name} is a scenario')
         changed = merged([changes, {} if duration is None else {'duration': duration}])
-        yield stem(name), configure(resolve(name, with_duration(name, changed, None)))
+        yield scenario_stem(name), configure(resolve(name, with_duration(name, changed, None)))
         return
     from parallel_robot.studies.sweep import study  # they take long to import
     from parallel_robot.studies.sweep.plan import plan
@@ -161,7 +165,7 @@ def _experiments(
     first = {case.scenario: k for k, case in reversed([*enumerate(planned.cases)])}
     rows = [row for k in first.values() for row in planned.rows(k, 0, asked.runs)]
     for row in tracked(rows, len(rows), 'robots'):
-        yield stem(row.scenario), configure(resolve(row.scenario, row.overrides))
+        yield scenario_stem(row.scenario), configure(resolve(row.scenario, row.overrides))
 
 
 def is_study(name: str, bases: int = MAX_BASES) -> bool:
@@ -177,7 +181,7 @@ def is_study(name: str, bases: int = MAX_BASES) -> bool:
     base = found.get('base')
     if 'scenarios' in found or not isinstance(base, str) or not bases:
         return 'scenarios' in found
-    return is_study(absolute(base, path.parent), bases - 1)
+    return is_study(absolute_scenario(base, path.parent), bases - 1)
 
 
 def _table(

@@ -7,23 +7,16 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import (
-    given_files,
-    hazards,
-    modules,
-    robot_names,
-    scenario_file,
-)
+from parallel_robot_model.configuration import config_files, hazards, modules
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
+from parallel_robot_model.configuration.config_files import DESCRIPTION, Shipped, label, shipped
 from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
 from parallel_robot_model.configuration.config_files import Layer as Layer
-from parallel_robot_model.configuration.config_files import Shipped, label, shipped
 from parallel_robot_model.configuration.config_files import directory as directory
 from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
 from parallel_robot_model.configuration.modules import CODE, Modules
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
-from parallel_robot_model.configuration.robot_names import DESCRIPTION
 
 CUSTOM = CODE
 PRESET = 'paper'  # the gains in config/laws
@@ -34,7 +27,7 @@ OVERRIDE = '--set'  # source of a value that somebody gave beside the scenario
 
 def scenarios() -> list[str]:
     """Names of the shipped scenarios."""
-    return scenario_file.names(directory() / 'scenarios')
+    return config_files.scenario_names(directory() / 'scenarios')
 
 
 def default(key: str) -> Any:
@@ -78,10 +71,13 @@ def resolve_with_sources(
         Key to value, and key to source: a file of ``config/``, the path of another file,
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
-    changed = given_files.filled(_plain(overrides or {}))
+    changed = config_files.with_file_contents(_plain(overrides or {}))
     name, of_scenario = _scenario(scenario)
     given = str(changed.pop('scenario', name))
-    if scenario_file.absolute(given) not in (name, scenario_file.absolute(scenario)):
+    if config_files.absolute_scenario(given) not in (
+        name,
+        config_files.absolute_scenario(scenario),
+    ):
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
     files = shipped()
     asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
@@ -105,7 +101,7 @@ def resolve_with_sources(
     layers.append((of_scenario[-1][0], {'scenario': name}))
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
-    sources[DESCRIPTION] = robot_names.MODEL
+    sources[DESCRIPTION] = config_files.MODEL
     for key in CUSTOM:
         config[key] = modules.absolute(key, config[key])
     with locating(config):
@@ -154,7 +150,7 @@ def scenario_values(scenario: str) -> dict[str, Any]:
 
 def _scenario(scenario: str) -> tuple[str, list[Layer]]:
     """Name of a scenario, and what its files set, the bases first; see `scenario_file`."""
-    name, files = scenario_file.layers(scenario, directory() / 'scenarios')
+    name, files = config_files.scenario_layers(scenario, directory() / 'scenarios')
     return name, [(label(path), values) for path, values in files]
 
 
@@ -167,7 +163,7 @@ def changed(
         UnknownNameError: a key that it does not have.
         InputError: a value that cannot be one of its key.
     """
-    changes = given_files.filled(_plain(changes))
+    changes = config_files.with_file_contents(_plain(changes))
     modules.check(changes)
     asked = {**values, **changes}
     own = loaded.defaults(asked)
@@ -244,7 +240,7 @@ def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
             return [(DESCRIBED, of_robot), *more]
         return [(CUSTOM_DEFAULT, of_robot)]
     if name not in files.robots:
-        known = {*files.robots, *robot_names.shipped(), *custom}
+        known = {*files.robots, *config_files.shipped_machines(), *custom}
         raise UnknownNameError('robot_model', name, sorted(known), 'robot_model')
     return [files.robots[name]]
 

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.plain_data import LOADER
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.configuration import points, robot_file, yaml_file
+from parallel_robot_model.configuration.plain_data import LOADER, Placed, locating
 
 PACKAGE = 'parallel_robot'
 DEFAULTS = 'defaults.yaml'
@@ -124,3 +125,204 @@ def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
         else:
             values[f'{prefix}{key}'] = list(value) if isinstance(value, list) else value
     return values
+
+
+# Descriptions of machines, whose text takes the place of the name of their file.
+
+MODEL, DESCRIPTION = 'robot_model', 'robot_description'
+ROBOT_SUFFIXES = ('.xml', '.mjcf', '.urdf', '.sdf', '.xacro')
+MACHINES = 'machines'  # of the shipped ones, in config/
+
+
+def is_robot_path(model: str) -> bool:
+    """Whether a robot is given as the path of a description."""
+    return '/' in model or model.lower().endswith(ROBOT_SUFFIXES)
+
+
+def shipped_machines() -> list[str]:
+    """Names of the machines that the suite ships as descriptions."""
+    return sorted(path.stem for path in (directory() / MACHINES).glob('*.xml'))
+
+
+def with_machine(values: Placed) -> Placed:
+    """Values with the text of the machine that they name, if any, and its name.
+
+    A path counts from the file in which it stands, or else from the current directory.
+
+    Raises:
+        InputError: it cannot be read, or has the name of another robot of the suite.
+    """
+    model = values.get(MODEL)
+    if not isinstance(model, str) or values.get(DESCRIPTION):
+        return values
+    stands = values.places.get(MODEL)
+    if not is_robot_path(model):
+        text = robot_file.text_of(machine_path(model)) if model in shipped_machines() else ''
+        name = model
+    else:
+        with locating(values):
+            try:
+                path = Path(stands.file if stands else '').parent / Path(model).expanduser()
+                text, name = robot_file.text_of(path), path.stem
+            except (RuntimeError, InputError) as error:  # home of an unknown user
+                raise InputError(f'{MODEL}: {error}', MODEL) from None
+            taken = {*shipped().robots, *shipped_machines()}
+            if name in taken and path.resolve() != machine_path(name).resolve():
+                what = f'there is already a robot {name}; rename the file'
+                raise InputError(f'{MODEL}: {path}: {what}', MODEL)
+    entries = {MODEL: name, DESCRIPTION: text}
+    return values | Placed(entries, dict.fromkeys(entries, stands) if stands else {})
+
+
+def scenario_of(name: str) -> str:
+    """The scenario that is called so, or the description of the shipped machine of that name."""
+    return str(machine_path(name)) if name in shipped_machines() else name
+
+
+def machine_path(name: str) -> Path:
+    """Place of a shipped machine."""
+    return directory() / MACHINES / f'{name}.xml'
+
+
+# Files that a configuration names, whose content takes the place of their names.
+
+
+def with_file_contents(values: Placed) -> Placed:
+    """Values with the content of the files that they name: points of a motion, a machine.
+
+    Raises:
+        InputError: a file cannot be read, or is no such file.
+    """
+    return with_machine(points.with_points(values))
+
+
+# Scenarios: shipped ones by name, others by the path of a YAML file or of a described robot.
+
+SUFFIXES = ('.yaml', '.yml')
+MAX_NAME_LENGTH = 200  # characters of a name
+MAX_BASES = 20  # scenarios, each the base of the next
+
+
+def is_scenario_path(scenario: str) -> bool:
+    """Whether a scenario is given as a path, not by the name of a shipped one."""
+    return '/' in scenario or scenario.endswith(SUFFIXES) or is_robot_scenario(scenario)
+
+
+def is_robot_scenario(scenario: str) -> bool:
+    """Whether a scenario is given as the description of a robot, whose motion is its default."""
+    return scenario.lower().endswith(ROBOT_SUFFIXES)
+
+
+def absolute_scenario(scenario: str, start: Path | None = None) -> str:
+    """A path made absolute, for processes with other current directories; a name as it is.
+
+    Args:
+        scenario: Name or path of a scenario.
+        start: Directory from which a relative path counts; None: the current one.
+    """
+    return str(_place(scenario, start)) if is_scenario_path(scenario) else scenario
+
+
+def scenario_stem(scenario: str) -> str:
+    """Name of a scenario that is given by name or path, whether or not it exists."""
+    path = Path(scenario)
+    if not is_scenario_path(scenario):
+        return scenario
+    return path.stem if path.suffix in SUFFIXES or is_robot_scenario(scenario) else path.name
+
+
+def scenario_names(shipped: Path) -> list[str]:
+    """Names of the shipped scenarios.
+
+    Args:
+        shipped: Their directory.
+    """
+    return sorted(path.stem for path in shipped.glob('*.yaml'))
+
+
+def scenario_name(scenario: str, shipped: Path) -> str:
+    """Name of a scenario: that of its file without the suffix.
+
+    Raises:
+        UnknownNameError: no such scenario is shipped.
+        InputError: a file has the name of a shipped scenario, or one that bags cannot hold.
+    """
+    if not is_scenario_path(scenario):
+        if scenario not in scenario_names(shipped):
+            raise UnknownNameError('scenario', scenario, scenario_names(shipped), 'scenario')
+        return scenario
+    place = _place(scenario)
+    name = scenario_stem(str(place))
+    if name in scenario_names(shipped) and place != _shipped(name, shipped):
+        raise InputError(f'{scenario}: there is already a scenario {name}; rename the file')
+    if len(name) > MAX_NAME_LENGTH or not name.isprintable():
+        what = f'at most {MAX_NAME_LENGTH} characters, all of which can be printed'
+        raise InputError(f'{scenario}: the name of a scenario has {what}; rename the file')
+    return name
+
+
+def scenario_layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]]:
+    """Name of a scenario, and its files with their values: the first base first, itself last.
+
+    Args:
+        scenario: Name of a shipped scenario, or the path of a file. The ``base`` of a file is one
+            or the other, too; its path is relative to the file.
+        shipped: Directory of the shipped scenarios.
+
+    Raises:
+        UnknownNameError: no such scenario is shipped.
+        InputError: a file cannot be read, names code, or has another name of the scenario, or
+            bases lead back to where they began.
+    """
+    name = scenario_name(scenario, shipped)
+    place = _place(scenario) if is_scenario_path(scenario) else _shipped(name, shipped)
+    if is_robot_scenario(scenario):
+        return name, [(place, with_file_contents(Placed({MODEL: str(place)})))]
+    files: list[tuple[Path, Placed]] = []
+    while True:
+        way = [path for path, _ in files]
+        if place in way or len(way) == MAX_BASES:
+            steps = ' -> '.join(path.name for path in [*way, place])
+            what = 'lead in a circle' if place in way else f'are more than {MAX_BASES}'
+            raise InputError(f'{way[0]}: the bases of a scenario {what}: {steps}')
+        values = yaml_file.read(place)
+        if yaml_file.is_ros_parameter_file(values):
+            raise InputError(f'{place} is a parameter file of ROS: give it by --param-file')
+        with locating(values):
+            base = values.pop('base', None)
+            _check(place, values)
+            files.append((place, with_file_contents(values)))
+            if base is None:
+                return name, files[::-1]
+            if not isinstance(base, str):
+                raise InputError('base must be the name or the path of a scenario', 'base')
+            if is_scenario_path(base):
+                place = _place(base, place.parent)
+            elif base in scenario_names(shipped):
+                place = _shipped(base, shipped)
+            else:
+                raise UnknownNameError('base', base, scenario_names(shipped), 'base')
+
+
+def _check(path: Path, values: Placed) -> None:
+    """Refuse what a scenario may not say."""
+    for key in yaml_file.CODE & values.keys():
+        raise InputError(f'{key} is given on a command line alone: it is code', key)
+    if values.pop('scenario', path.stem) != path.stem:
+        raise InputError('a scenario has the name of its file; remove its scenario', 'scenario')
+
+
+def _shipped(name: str, shipped: Path) -> Path:
+    return (shipped / f'{name}.yaml').resolve()
+
+
+def _place(path: str, start: Path | None = None) -> Path:
+    """Absolute path of a file, from a directory; None: from the current one.
+
+    Raises:
+        InputError: nothing can have this path.
+    """
+    try:
+        return ((start or Path()) / Path(path).expanduser()).resolve()
+    except (OSError, RuntimeError, ValueError) as error:  # too long, home of an unknown user
+        raise InputError(f'scenario {path}: {getattr(error, "strerror", None) or error}') from None

@@ -28,7 +28,7 @@ from parallel_robot_model.common.errors import (
     first_line,
 )
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
-from parallel_robot_model.configuration import config, fields, loop, scenario_file
+from parallel_robot_model.configuration import config, config_files, fields, loop
 from parallel_robot_model.configuration.fields import build_groups, joint_field
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes import parameters
@@ -103,7 +103,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._heard_strangers: dict[Topic, float] = {}  # s, time of the last message of one
         self._told_strangers: dict[Topic, str] = {}  # the publishers that were told
         given = parameters.overrides(self)
-        self._scenario = scenario_file.absolute(str(given.pop('scenario', 'paper_circle')))
+        self._scenario = config_files.absolute_scenario(str(given.pop('scenario', 'paper_circle')))
         self.values = resolve(self._scenario, given)
         auto = self.values['period'] == AUTO
         if auto:

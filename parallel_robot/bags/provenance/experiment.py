@@ -19,9 +19,9 @@ from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config import PACKAGE
+from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_model.configuration.fields import PerJoint, PerLink, parameters, words
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
-from parallel_robot_model.configuration.scenario_file import stem
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.registry import ROBOTS
 from parallel_robot_sim.parameter_groups import members
@@ -99,7 +99,7 @@ def configuration(
     if not facts and view.assumes:
         values = view.assumed()
         law = values['law'] if 'law' in view.values else UNKNOWN_LAW
-        values |= {'law': law, 'scenario': stem(view.scenario or 'unknown')}
+        values |= {'law': law, 'scenario': scenario_stem(view.scenario or 'unknown')}
         return values, loop_of(values), 0
     values = config.resolve('paper_circle')
     try:
@@ -224,7 +224,7 @@ def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]])
                     or ('.' in key and (key in values or key.partition('.')[0] in custom))
                 }
     if isinstance(merged.get('scenario'), str):  # nodes keep the path of one that is not shipped
-        merged['scenario'] = stem(merged['scenario'])
+        merged['scenario'] = scenario_stem(merged['scenario'])
     return merged
 
 

@@ -20,8 +20,8 @@ from parallel_robot.fmu.unit import identifier, need_compiler, unit
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.plain_data import locating, merged
-from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_sim.configuration import Configuration, configure
 
 SCENARIO = 'paper_circle'

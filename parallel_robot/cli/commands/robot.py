@@ -12,7 +12,7 @@ from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import JSON, add_format_argument, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import robot_names, scenario_file
+from parallel_robot_model.configuration import config_files
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.configuration import robot_of
 
@@ -51,10 +51,10 @@ def execute(arguments: argparse.Namespace) -> int:
         new_files.check(arguments.plot, '--plot')
     position, velocity = (_numbers(key, getattr(arguments, key)) for key in ('state', 'rate'))
     machine = str(arguments.machine)
-    if machine in robot_names.shipped():
-        machine = str(robot_names.place(machine))
-    elif not scenario_file.is_robot(machine):
-        raise UnknownNameError('machine', machine, robot_names.shipped())
+    if machine in config_files.shipped_machines():
+        machine = str(config_files.machine_path(machine))
+    elif not config_files.is_robot_scenario(machine):
+        raise UnknownNameError('machine', machine, config_files.shipped_machines())
     values = resolve(machine, simulate.given(arguments))
     with locating(values):
         facts = facts_of(robot_of(values), position, velocity)

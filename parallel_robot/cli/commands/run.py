@@ -31,9 +31,9 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import hazards, yaml_file
+from parallel_robot_model.configuration.config_files import absolute_scenario
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.configuration.scenario_file import absolute
 from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
 from parallel_robot_model.processes import cache_directory, discovery
 from parallel_robot_model.processes.ending_signals import ending_signals
@@ -213,7 +213,7 @@ def node_parameters(
         changed: Key to value.
         loop: What the nodes share.
     """
-    common = {**changed, 'scenario': absolute(scenario), 'start_stamp': WAIT}
+    common = {**changed, 'scenario': absolute_scenario(scenario), 'start_stamp': WAIT}
     common['middleware'] = loop.middleware  # which a node must know before it reads a scenario
     if hazards.KEY in changed:
         common[hazards.KEY] = [*loop.hazards]  # as texts: parameters are no mappings

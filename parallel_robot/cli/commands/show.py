@@ -23,10 +23,10 @@ from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError, clean, printable
 from parallel_robot_model.common.tables import Table
-from parallel_robot_model.configuration import config, scenario_file
+from parallel_robot_model.configuration import config, config_files
+from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.plain_data import merged
-from parallel_robot_model.configuration.robot_names import scenario_of
 from parallel_robot_model.configuration.yaml_file import MARK, text_of
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.fastest import fastest
@@ -106,7 +106,7 @@ def execute(arguments: argparse.Namespace) -> int:
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}
-    place = scenario_file.absolute(scenario)
+    place = config_files.absolute_scenario(scenario)
     text = FORMATS[arguments.format](values, sources, place)
     if arguments.format in WHOLE:
         as_it_is(sys.stdout).write(''.join(f'{clean(line)}\n' for line in text.split('\n')))

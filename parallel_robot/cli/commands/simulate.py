@@ -25,7 +25,7 @@ from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.configuration import config, given_files, yaml_file
+from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.plain_data import Placed, merged
@@ -133,7 +133,7 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     """
     layers = [(str(path), yaml_file.read_parameter_file(path)) for path in arguments.param_files]
     layers.append((config.OVERRIDE, Placed(yaml_file.parse_assignments(arguments.assignments))))
-    return [(name, given_files.filled(values)) for name, values in layers]
+    return [(name, config_files.with_file_contents(values)) for name, values in layers]
 
 
 def given(arguments: argparse.Namespace) -> Placed:

@@ -9,8 +9,8 @@ from parallel_robot.analysis.posture import posture_of
 from parallel_robot.bags import new_files
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.configuration.robot_names import scenario_of
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

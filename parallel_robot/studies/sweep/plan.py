@@ -27,9 +27,9 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import JointUnits, all_of
 from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged
-from parallel_robot_model.configuration.scenario_file import stem
 from parallel_robot_model.robots.configuration import units_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
@@ -158,7 +158,7 @@ class Plan:
     def description(self) -> dict[str, str]:
         """What the numbers of a row depend on, one entry for each part, without the runs."""
         configurations = [
-            [stem(case.scenario), case.variant.name, case.nominal] for case in self.cases
+            [scenario_stem(case.scenario), case.variant.name, case.nominal] for case in self.cases
         ]
         code = [
             custom_sources.code(Path(path)).decode()
@@ -166,7 +166,7 @@ class Plan:
             for path in self.study.fixed.get(key, ())
         ]
         parts = {
-            'scenarios': [stem(scenario) for scenario in self.study.scenarios],
+            'scenarios': [scenario_stem(scenario) for scenario in self.study.scenarios],
             'laws': [variant.name for variant in self.study.laws],
             'seed': self.study.seed,
             'method': sampling(self.study),
@@ -316,7 +316,7 @@ def _case(study: Study, scenario: str, variant: Variant) -> Case:
             try:
                 resolve(scenario, overrides | {each.key: 0.0})
             except InputError as error:
-                text = f'uncertainty in {stem(scenario)}: {error}'
+                text = f'uncertainty in {scenario_stem(scenario)}: {error}'
                 with locating(Placed({}, study.places)):
                     raise InputError(text, f'uncertainty.{each.key}') from None
     return Case(scenario, variant, overrides, nominal)

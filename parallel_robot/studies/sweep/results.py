@@ -17,7 +17,7 @@ from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.table import CALM, arrow
 from parallel_robot_model.common.units import Array, JointUnits
-from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_sim.imperfections import ENCODERS
 
 REASONS = 3  # most frequent reasons of failures to report
@@ -135,7 +135,9 @@ def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
     Returns:
         Name of a scenario to its results.
     """
-    found = {name: _scenario(runs, plan, name) for name in map(stem, plan.study.scenarios)}
+    found = {
+        name: _scenario(runs, plan, name) for name in map(scenario_stem, plan.study.scenarios)
+    }
     adjusted = iter(statistics.corrected([d.p for each in found.values() for d in each.duels]))
     return {
         name: replace(each, duels=tuple(replace(d, p=next(adjusted)) for d in each.duels))
@@ -153,7 +155,7 @@ def _has_encoder(plan: Plan, scenario: str) -> bool:
     """Whether positions come in steps, which the limit takes for white noise."""
     if any(each.key in ENCODERS for each in plan.study.uncertainties):
         return True
-    cases = (case for case in plan.cases if stem(case.scenario) == scenario)
+    cases = (case for case in plan.cases if scenario_stem(case.scenario) == scenario)
     return any(bool(np.any(case.nominal[key])) for case in cases for key in ENCODERS)
 
 

@@ -13,9 +13,13 @@ from parallel_robot.studies.sweep import study_base, uncertainty
 from parallel_robot.studies.sweep.uncertainty import Uncertainty
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data, yaml_file
+from parallel_robot_model.configuration.config_files import (
+    MAX_BASES,
+    absolute_scenario,
+    scenario_stem,
+)
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Place, Placed, locating
-from parallel_robot_model.configuration.scenario_file import MAX_BASES, absolute, stem
 
 MOST_RUNS = 10_000_000
 MOST_SCRAMBLES = 1000
@@ -204,7 +208,7 @@ def _loaded(
         return content, places, True
     with locating(Placed({}, places), name):
         base = check('base', str, Field('', ''), content.pop('base'))
-        file = file_of(absolute(base, folder))
+        file = file_of(absolute_scenario(base, folder))
         if file in way or len(way) == MAX_BASES:
             steps = ' -> '.join(path.name for path in [*way, file])
             raise InputError(f'base: the bases of a study lead in a circle: {steps}', 'base')
@@ -212,7 +216,7 @@ def _loaded(
     known, far, _ = _loaded(below, str(file), file.parent, (*way, file))
     scenarios = known.get('scenarios')
     if isinstance(scenarios, list) and all(isinstance(each, str) for each in scenarios):
-        known['scenarios'] = [absolute(each, file.parent) for each in scenarios]
+        known['scenarios'] = [absolute_scenario(each, file.parent) for each in scenarios]
     return study_base.merged(known, content), study_base.places(far, places, content), False
 
 
@@ -225,8 +229,10 @@ def _study(content: dict[str, Any], folder: Path | None) -> Study:
     for key in ('scenarios', 'laws'):
         if key not in content:
             raise InputError(f'{key} is missing')
-    scenarios = [absolute(each, folder) for each in _names('scenarios', content['scenarios'])]
-    named = [stem(scenario) for scenario in scenarios]
+    scenarios = [
+        absolute_scenario(each, folder) for each in _names('scenarios', content['scenarios'])
+    ]
+    named = [scenario_stem(scenario) for scenario in scenarios]
     for name in named:
         if named.count(name) > 1:
             raise InputError(f'scenarios: two are called {name}; rename a file', 'scenarios')

@@ -15,7 +15,7 @@ from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot_model.common.errors import optional
 from parallel_robot_model.common.units import HINGES, JointUnits
-from parallel_robot_model.configuration.scenario_file import stem
+from parallel_robot_model.configuration.config_files import scenario_stem
 
 # Which run it is, and what became of it.
 IDENTITY = ('row', 'law', 'scenario', 'sample', 'seed', 'status', 'reason', 'limits')
@@ -133,7 +133,7 @@ def _entry(row: Row, outcome: Outcome, units: JointUnits) -> Mapping[str, Any]:
     return {
         'row': row.row,
         'law': row.law,
-        'scenario': stem(row.scenario),
+        'scenario': scenario_stem(row.scenario),
         'sample': row.sample,
         'seed': row.seed,
         'status': outcome.status,

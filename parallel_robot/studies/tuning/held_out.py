@@ -15,7 +15,7 @@ from parallel_robot.studies.sweep.store import RUNS, STUDY, manifest_of
 from parallel_robot.studies.sweep.table import arrow
 from parallel_robot.studies.tuning.fronts import Front
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.scenario_file import is_path, stem
+from parallel_robot_model.configuration.config_files import is_scenario_path, scenario_stem
 
 STEPS = (0.64, 0.8, 1.0, 1.25, 1.5625)  # times the effort: near each of these a trial is taken
 
@@ -34,8 +34,8 @@ def study_of(fronts: Sequence[Front], effort: float, base: str) -> str:
     """
     file = study.file_of(base)
     judge = study.parse(study.read(file), str(file), file.parent)
-    scenario = stem(str(fronts[0].manifest['scenario']))
-    scenarios = [each for each in judge.scenarios if stem(each) == scenario]
+    scenario = scenario_stem(str(fronts[0].manifest['scenario']))
+    scenarios = [each for each in judge.scenarios if scenario_stem(each) == scenario]
     if not scenarios:
         raise InputError(f'--study: {base} has no scenario {scenario}, that of the tunings')
     told = fronts[0].manifest.get('uncertainty')  # seed, method, uncertain parameters
@@ -49,7 +49,7 @@ def study_of(fronts: Sequence[Front], effort: float, base: str) -> str:
                 if name in laws:
                     raise InputError(f'two tunings are called {front.name}; rename a directory')
                 laws[name] = {'law': front.law, **front.trials[k][1]}
-    own = {'base': str(file.resolve()) if is_path(base) else base, 'scenarios': scenarios}
+    own = {'base': str(file.resolve()) if is_scenario_path(base) else base, 'scenarios': scenarios}
     return yaml.safe_dump({**own, 'laws': laws}, sort_keys=False, allow_unicode=True)
 
 
@@ -71,7 +71,7 @@ def judged(fronts: Sequence[Front], directory: Path) -> list[Front]:
         table = arrow().parquet.read_table(
             directory / RUNS,
             columns=['law', 'status', *columns],
-            filters=[('scenario', '=', stem(str(fronts[0].manifest['scenario'])))],
+            filters=[('scenario', '=', scenario_stem(str(fronts[0].manifest['scenario'])))],
             partitioning=None,
         )
         law, status, *figures = (table[each].to_numpy() for each in ('law', 'status', *columns))
