@@ -19,8 +19,8 @@ from parallel_robot_control.repetition import RepetitionParameters, turn_of
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration import config, fields, modules
-from parallel_robot_model.configuration.config import PRESET
+from parallel_robot_model.configuration import config, fields
+from parallel_robot_model.configuration.config import PRESET, Modules
 from parallel_robot_model.configuration.fields import (
     Declared,
     Field,
@@ -32,7 +32,6 @@ from parallel_robot_model.configuration.fields import (
     plain,
 )
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
-from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import Robot
@@ -109,7 +108,7 @@ def load(values: Mapping[str, Any]) -> Modules:
         InputError: one cannot be loaded.
     """
     loaded = motion.load(values)
-    laws = law_loader.custom_laws(modules.files(values, 'custom_laws'))
+    laws = law_loader.custom_laws(config.module_files(values, 'custom_laws'))
     return loaded._replace(
         laws={name: defaults(law.Gains, f'{name}.') for name, law in laws.items()}
     )

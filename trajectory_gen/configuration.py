@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config, fields, modules, points
+from parallel_robot_model.configuration import config, fields, points
+from parallel_robot_model.configuration.config import Modules
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.plain_data import locating, places_of
 from parallel_robot_model.robots import configuration as model
 from parallel_robot_model.robots.contract import Robot
@@ -235,7 +235,7 @@ def load(values: Mapping[str, Any]) -> Modules:
         InputError: one cannot be loaded.
     """
     loaded = model.load(values)
-    shapes = custom_trajectories(modules.files(values, 'custom_trajectories'))
+    shapes = custom_trajectories(config.module_files(values, 'custom_trajectories'))
     return loaded._replace(
         shapes={name: fields.defaults(one.Parameters, f'{name}.') for name, one in shapes.items()}
     )

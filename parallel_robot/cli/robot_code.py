@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
-from parallel_robot_model.configuration import modules
+from parallel_robot_model.configuration import config
 
 
 def robot_code(arguments: argparse.Namespace, values: Mapping[str, Any]) -> RobotCode:
@@ -20,4 +20,4 @@ def robot_code(arguments: argparse.Namespace, values: Mapping[str, Any]) -> Robo
     Raises:
         InputError: it is of no list of files.
     """
-    return RobotCode(arguments.trust, tuple(modules.absolute(KEY, values.get(KEY, []))))
+    return RobotCode(arguments.trust, tuple(config.absolute_modules(KEY, values.get(KEY, []))))

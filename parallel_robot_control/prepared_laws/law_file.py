@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_control.prepared_laws import law_loader
-from parallel_robot_model.configuration import modules
+from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import plain
 
 KEY = 'custom_laws'
@@ -36,8 +36,8 @@ def files_of(laws: Iterable[str], values: Mapping[str, Any]) -> dict[str, Any]:
     files = [law for law in laws if is_file(law)]
     if not files:
         return {}
-    given = modules.absolute(KEY, plain(values.get(KEY, [])))
-    return {KEY: [*dict.fromkeys((*given, *modules.absolute(KEY, files)))]}
+    given = config.absolute_modules(KEY, plain(values.get(KEY, [])))
+    return {KEY: [*dict.fromkeys((*given, *config.absolute_modules(KEY, files)))]}
 
 
 def chosen(law: str, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config_files, hazards, modules
+from parallel_robot_model.configuration import config_files, hazards
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_model.configuration.config_files import DESCRIPTION, Shipped, label, shipped
 from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
@@ -15,8 +16,86 @@ from parallel_robot_model.configuration.config_files import Layer as Layer
 from parallel_robot_model.configuration.config_files import directory as directory
 from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
-from parallel_robot_model.configuration.modules import CODE, Modules
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
+from parallel_robot_model.configuration.yaml_file import CODE as CODE
+
+# Modules of users that a configuration names: their files, and the defaults that they bring.
+
+Defaults = Mapping[str, Mapping[str, Any]]  # key to value, by name of the module
+
+
+class Modules(NamedTuple):
+    """Defaults of the modules that are loaded; what is not loaded here has none."""
+
+    robots: Defaults = MappingProxyType({})
+    laws: Defaults = MappingProxyType({})
+    shapes: Defaults = MappingProxyType({})
+    described: Callable[[Mapping[str, Any]], Mapping[str, Any]] = dict  # of a description
+
+    def defaults(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Those of the robot of a configuration, of all laws and all trajectories, by key."""
+        own = self.robots.get(str(values['robot_model']), {})
+        if values.get('robot_description'):
+            own = self.described(values)
+        parts = (*self.shapes.values(), own, *self.laws.values())
+        return {key: value for part in parts for key, value in part.items()}
+
+
+NONE = Modules()
+
+
+def module_names(values: Mapping[str, Any], key: str) -> set[str]:
+    """Names of the modules of a kind, e.g. ``custom_laws``."""
+    return {Path(path).stem for path in values[key]}
+
+
+def module_files(values: Mapping[str, Any], key: str) -> list[str]:
+    """Files of the modules of a kind that a configuration, or a change of one, names.
+
+    Raises:
+        InputError: it is no list of texts.
+    """
+    paths = plain(values.get(key, []))
+    _check_module_paths(key, paths)
+    return list(paths)
+
+
+def check_modules(values: Mapping[str, Any]) -> None:
+    """Refuse what is not a list of texts.
+
+    Raises:
+        InputError: a key of CODE has something else.
+    """
+    for key in CODE & values.keys():
+        _check_module_paths(key, values[key])
+
+
+def absolute_modules(key: str, paths: Any) -> list[str]:
+    """Absolute paths of modules.
+
+    Args:
+        key: Key of CODE, for messages.
+        paths: Its value.
+
+    Raises:
+        InputError: it is no list of texts, or one is no path.
+    """
+    _check_module_paths(key, paths)
+    return [_absolute_module(key, path) for path in paths]
+
+
+def _check_module_paths(key: str, paths: Any) -> None:
+    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
+        raise InputError(f'{key} must be a list of texts, not {paths!r}')
+
+
+def _absolute_module(key: str, path: str) -> str:
+    """Absolute path of a module: nodes may have other current directories."""
+    try:
+        return str(Path(path).expanduser().resolve())
+    except (OSError, RuntimeError, ValueError):  # too long, home of an unknown user, not a text
+        raise InputError(f'{key}: {path} does not exist') from None
+
 
 CUSTOM = CODE
 PRESET = 'paper'  # the gains in config/laws
@@ -36,7 +115,7 @@ def default(key: str) -> Any:
 
 
 def resolve(
-    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = modules.NONE
+    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = NONE
 ) -> dict[str, Any]:
     """Merge defaults, a scenario and overrides.
 
@@ -63,7 +142,7 @@ def resolve(
 
 
 def resolve_with_sources(
-    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = modules.NONE
+    scenario: str, overrides: Mapping[str, Any] | None = None, loaded: Modules = NONE
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """A configuration as of :func:`resolve`, and where the value of each key comes from.
 
@@ -81,13 +160,13 @@ def resolve_with_sources(
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
     files = shipped()
     asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
-    modules.check(asked)
+    check_modules(asked)
     own = loaded.defaults(asked)
     with locating(asked):
         layers = [files.defaults, *_robot(files, asked, own)]
     gains = _gains(files, asked, own)
     _check_names(asked, layers, gains)
-    laws, shapes = (modules.names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
+    laws, shapes = (module_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
     layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, own))]
     config = merged(values for _, values in layers)
     known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
@@ -103,7 +182,7 @@ def resolve_with_sources(
     sources = {key: source for source, values in layers for key in values}
     sources[DESCRIPTION] = config_files.MODEL
     for key in CUSTOM:
-        config[key] = modules.absolute(key, config[key])
+        config[key] = absolute_modules(key, config[key])
     with locating(config):
         config[hazards.KEY] = hazards.texts(config[hazards.KEY])
     for key in [key for key in config if key.startswith('robot.')]:
@@ -155,7 +234,7 @@ def _scenario(scenario: str) -> tuple[str, list[Layer]]:
 
 
 def changed(
-    values: Mapping[str, Any], changes: Mapping[str, Any], loaded: Modules = modules.NONE
+    values: Mapping[str, Any], changes: Mapping[str, Any], loaded: Modules = NONE
 ) -> dict[str, Any]:
     """A resolved configuration with some keys changed; `loaded` as of :func:`resolve`.
 
@@ -164,25 +243,25 @@ def changed(
         InputError: a value that cannot be one of its key.
     """
     changes = config_files.with_file_contents(_plain(changes))
-    modules.check(changes)
+    check_modules(changes)
     asked = {**values, **changes}
     own = loaded.defaults(asked)
     gains = merged(values for _, values in _gains(shipped(), asked, own))
-    known = gains | _of(modules.names(asked, 'custom_trajectories'), own) | dict(values)
+    known = gains | _of(module_names(asked, 'custom_trajectories'), own) | dict(values)
     for key in changes:
         if key not in known:
             with locating(changes):
                 raise UnknownNameError('parameter', key, known, key)
     config = merged((known, changes))
     for key in CUSTOM:
-        config[key] = modules.absolute(key, config[key])
+        config[key] = absolute_modules(key, config[key])
     with locating(config):
         config[hazards.KEY] = hazards.texts(config[hazards.KEY])
     same = all(config[key] == value for key, value in gains.items())
     return config | {'preset': PRESET if same else 'custom'}
 
 
-def preset(values: Mapping[str, Any], loaded: Modules = modules.NONE) -> dict[str, Any]:
+def preset(values: Mapping[str, Any], loaded: Modules = NONE) -> dict[str, Any]:
     """Gains of all laws from the files: Table 2 for the laws of the paper.
 
     Args:
@@ -231,7 +310,7 @@ def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
         raise InputError(f'custom_robots: there is already a robot {taken[0]}; rename the file')
     if name in custom or values[DESCRIPTION]:
         laws, shapes = (
-            modules.names(values, f'custom_{kind}') for kind in ('laws', 'trajectories')
+            module_names(values, f'custom_{kind}') for kind in ('laws', 'trajectories')
         )
         others = _of(laws | shapes, own)
         of_robot = {key: value for key, value in own.items() if key not in others}

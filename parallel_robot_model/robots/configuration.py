@@ -7,10 +7,10 @@ from typing import Any
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, JointUnits
-from parallel_robot_model.configuration import config, modules
+from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.config import Modules
 from parallel_robot_model.configuration.fields import Declared, group
 from parallel_robot_model.configuration.loop import loop_of
-from parallel_robot_model.configuration.modules import Modules
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
@@ -66,7 +66,7 @@ def load(values: Mapping[str, Any]) -> Modules:
     Raises:
         InputError: one cannot be loaded.
     """
-    own = custom_robots(modules.files(values, 'custom_robots'))
+    own = custom_robots(config.module_files(values, 'custom_robots'))
     values_of = {name: default_values(name, robot) for name, robot in own.items()}
     return Modules(robots=values_of, described=_described)
 

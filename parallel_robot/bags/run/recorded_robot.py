@@ -16,7 +16,7 @@ from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
-from parallel_robot_model.configuration import modules
+from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.robots.configuration import is_known, load
 
@@ -145,7 +145,7 @@ def evaluated(
 def _known(bag: Path, found: Recording, code: RobotCode) -> dict[str, Any]:
     """The configuration of a bag with its robot, see :func:`read`."""
     log, past, _ = found
-    values = log.config | {KEY: modules.absolute(KEY, list(code.files))}
+    values = log.config | {KEY: config.absolute_modules(KEY, list(code.files))}
     name = values['robot_model']
     if not is_known(values):
         values[KEY] = values[KEY] + _of_bag(bag, past, log.config, code)
