@@ -49,7 +49,7 @@ from parallel_robot_model.nodes.managed_node import Lifecycle
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.processes.kept_stop import KeptStop
+from parallel_robot_model.processes.user_directory import KeptStop
 
 DOUBTS = {
     faults.STATES_LATE: 'joint states that are too old',

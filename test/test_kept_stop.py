@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_model.processes.kept_stop import KeptStop
+from parallel_robot_model.processes.user_directory import KeptStop
 
 
 @pytest.fixture
