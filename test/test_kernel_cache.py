@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from parallel_robot_model.compiler import FirstClass, kernel, kernel_cache
-from parallel_robot_model.processes import cache_directory, code_version
+from parallel_robot_model.processes import cache_directory
 
 ROOT = Path(__file__).parents[1]
 KEPT = cache_directory.KEPT
@@ -31,8 +31,8 @@ def tree(tmp_path, monkeypatch):
     (tmp_path / 'trajectory_gen' / 'circle.py').write_text('@kernel\ndef f(): return 1\n')
     groups = 'class Robot(NamedTuple):\n    m1: float\n    m2: float\n'
     (tmp_path / 'parallel_robot_model' / 'robots' / 'parameters.py').write_text(groups)
-    file = tmp_path / 'parallel_robot_model' / 'processes' / 'code_version.py'
-    monkeypatch.setattr(code_version, '__file__', str(file))
+    file = tmp_path / 'parallel_robot_model' / 'processes' / 'cache_directory.py'
+    monkeypatch.setattr(cache_directory, '__file__', str(file))
     monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'cache'))
     return tmp_path
@@ -72,15 +72,15 @@ def test_a_constant_that_kernels_import_is_a_part_of_them(tree):
         'from parallel_robot_model.common.units import (\n    A,\n)\n@kernel\ndef f(): return A\n'
     )
     (tree / 'trajectory_gen' / 'circle.py').write_text(code)
-    before = cache_directory.directory(), code_version.of_suite.__wrapped__()
+    before = cache_directory.directory(), cache_directory.suite_hash.__wrapped__()
     (base / 'text.py').write_text('A = 2\n')
     assert cache_directory.directory() == before[0]
-    assert code_version.of_suite.__wrapped__() != before[1]
+    assert cache_directory.suite_hash.__wrapped__() != before[1]
     (base / 'factors.py').write_text('A = 2\n')
     assert cache_directory.directory() != before[0]
 
 
-@pytest.mark.parametrize('name', code_version.SETTINGS)
+@pytest.mark.parametrize('name', cache_directory.NUMBA_SETTINGS)
 def test_another_setting_of_numba_is_other_machine_code(name, tree, monkeypatch):
     before = cache_directory.directory()
     monkeypatch.setenv(name, '1')
@@ -93,7 +93,7 @@ def test_where_machine_code_lies_does_not_say_which_code_this_is():
     found = {
         print_in_python(code, ROOT, NUMBA_CACHE_DIR=str(place)) for place in ('', '/dev/null')
     }
-    assert len(found) == 1 and code_version.of_suite() in found.pop()
+    assert len(found) == 1 and cache_directory.suite_hash() in found.pop()
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason='root may write everywhere')
@@ -152,8 +152,8 @@ def test_copies_of_the_same_sources_share_a_cache(tree, tmp_path_factory, monkey
     first = cache_directory.directory()
     other = tmp_path_factory.mktemp('other') / 'clone'
     shutil.copytree(tree, other, ignore=shutil.ignore_patterns('cache'))
-    file = other / 'parallel_robot_model' / 'processes' / 'code_version.py'
-    monkeypatch.setattr(code_version, '__file__', str(file))
+    file = other / 'parallel_robot_model' / 'processes' / 'cache_directory.py'
+    monkeypatch.setattr(cache_directory, '__file__', str(file))
     assert cache_directory.directory() == first
     (other / 'trajectory_gen' / 'circle.py').rename(other / 'trajectory_gen' / 'ring.py')
     assert cache_directory.directory() != first  # machine code names the modules of its types

@@ -33,7 +33,7 @@ from parallel_robot_model.compiler.numba_parts import (
     rtsys,
     symbols_of,
 )
-from parallel_robot_model.processes import cache_directory, code_version
+from parallel_robot_model.processes import cache_directory
 from parallel_robot_model.processes.cache_directory import NOTICE, PREFIX
 from parallel_robot_model.processes.user_directory import is_private
 
@@ -50,7 +50,7 @@ class _Place(_CacheLocator):  # type: ignore[misc]
         file = Path(inspect.getfile(function)).resolve()
         self._line = function.__code__.co_firstlineno
         own = cache_directory.OWN
-        if code_version.is_source(file):
+        if cache_directory.is_source(file):
             self._path = os.path.join(own, function.__module__)
             self._stamp = ''  # the directory depends on it already
         elif function.__module__.startswith(PREFIX):

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from importlib.machinery import PathFinder
 from pathlib import Path
 
-from parallel_robot_model.processes import code_version
+from parallel_robot_model.processes import cache_directory
 
 INSTALLED = {'site-packages', 'dist-packages'}  # folders of what pip and Debian install
 
@@ -50,7 +50,7 @@ def _content(name: str) -> bytes:
 
 
 def _is_installed(file: Path) -> bool:
-    return code_version.is_source(file) or not INSTALLED.isdisjoint(file.parts)
+    return cache_directory.is_source(file) or not INSTALLED.isdisjoint(file.parts)
 
 
 def _names(source: bytes) -> Iterator[str]:

@@ -17,7 +17,7 @@ from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Outcome, failed, run_chunk
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import RunError
-from parallel_robot_model.processes import code_version
+from parallel_robot_model.processes import cache_directory
 from parallel_robot_sim.configuration import configure
 
 MOST_ROWS, LEAST_ROWS = 32, 4  # in one task, but for the last
@@ -97,7 +97,7 @@ def task(rows: list[Row], limited: bool = False, calm: bool = False) -> Task:
 @functools.cache
 def version() -> str:
     """Version of the code that makes the numbers; equal code has the same, wherever it lies."""
-    return f'{software()["version"]} {code_version.of_suite()}'
+    return f'{software()["version"]} {cache_directory.suite_hash()}'
 
 
 def run_task(task: Task) -> list[Outcome]:
