@@ -18,7 +18,7 @@ from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_control.terms.place_gradient import asked_of
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, Space, vector
-from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.robots.contract import PoseMotion
 
 

@@ -14,12 +14,7 @@ from custom_law import LAW
 from ros_fixtures import until
 
 from parallel_robot.cli.command_line import main
-from parallel_robot_model.processes import (
-    cache_directory,
-    custom_import,
-    custom_module,
-    trial_process,
-)
+from parallel_robot_model.processes import cache_directory, custom_module, trial_process
 from parallel_robot_model.processes.node_processes import MODULES, command
 
 pytest_plugins = ['ros_fixtures']
@@ -213,7 +208,7 @@ def test_copies_share_machine_code_unless_they_look_where_they_lie(tmp_path, mon
 
     def name(folder, stem, text):
         (tmp_path / folder).mkdir(exist_ok=True)
-        return custom_import.import_file(tmp_path / folder / f'{stem}.py', text.encode()).__name__
+        return custom_module.import_file(tmp_path / folder / f'{stem}.py', text.encode()).__name__
 
     assert name('a', 'law', texts['law']) == name('b', 'law', texts['law'])
     assert name('a', 'data', texts['data']) != name('b', 'data', texts['data'])
@@ -233,10 +228,10 @@ def test_what_a_file_imports_of_the_users_own_is_a_part_of_it(tmp_path, monkeypa
         (tmp_path / 'tools' / 'deep.py').write_text(f'FACTOR = {factor}.0\n')
         for name in ('tools', 'tools.deep', 'helper_of_law'):
             sys.modules.pop(name, None)
-        names.append(custom_import.import_file(file, source).__name__)
+        names.append(custom_module.import_file(file, source).__name__)
     assert names[0] == names[1] != names[2]
     (tmp_path / 'tools' / 'deep.py').write_text('FACTOR = 3.0\n')  # it is imported as it was
-    assert custom_import.import_file(file, source).__name__ == names[2]
-    plain = custom_import.import_file(file, b'import os\nimport numpy\n').__name__
+    assert custom_module.import_file(file, source).__name__ == names[2]
+    plain = custom_module.import_file(file, b'import os\nimport numpy\n').__name__
     digest = hashlib.sha256(b'import os\nimport numpy\n').hexdigest()
     assert plain.endswith(digest[:16])  # as before: what is installed does not count

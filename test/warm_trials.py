@@ -25,7 +25,7 @@ from parallel_robot_model.processes.module_process import START, die_with_parent
 ROOT = Path(__file__).parents[1]
 SETTINGS = ('NUMBA_BOUNDSCHECK', 'NUMBA_CACHE_DIR')  # of a parent, which Numba reads once
 MODULES = (
-    'parallel_robot_model.processes.custom_import',
+    'parallel_robot_model.processes.custom_module',
     'parallel_robot_control.prepared_laws.law_trial',
     'parallel_robot_model.robots.registry',
     'trajectory_gen.shape_trial',

@@ -21,8 +21,7 @@ from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import INTERPRETED, FirstClass, reason
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.processes import cache_directory, custom_module, trial_process
-from parallel_robot_model.processes.custom_import import import_file
-from parallel_robot_model.processes.custom_module import RAISED, blaming
+from parallel_robot_model.processes.custom_module import RAISED, blaming, import_file
 from parallel_robot_model.processes.trial_process import LIMIT, step
 from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.shapes import prepared

@@ -28,7 +28,7 @@ from parallel_robot_model.compiler import (
     write_at,
 )
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.robots.contract import Model
 
 NO_SIGNAL = 0x4000  # MSG_NOSIGNAL of send: a process that has ended is no signal to this one

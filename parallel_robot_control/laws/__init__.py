@@ -28,7 +28,7 @@ from parallel_robot_control.laws import (
     syn_tde_nftsmc,
     tdc,
 )
-from parallel_robot_model.processes.tuple_classes import classes_of, distinguish
+from parallel_robot_model.processes.custom_module import classes_of, distinguish
 
 LAWS: dict[str, Law] = {
     # the paper's

@@ -25,8 +25,7 @@ from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import as_arrays, as_vectors
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.processes import cache_directory, custom_module, trial_process
-from parallel_robot_model.processes.custom_import import import_file
-from parallel_robot_model.processes.custom_module import RAISED
+from parallel_robot_model.processes.custom_module import RAISED, import_file
 from parallel_robot_model.processes.trial_process import LIMIT, step
 from parallel_robot_model.robots.contract import Model
 

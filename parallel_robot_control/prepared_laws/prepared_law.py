@@ -32,8 +32,7 @@ from parallel_robot_model.compiler import (
     reason,
     vector,
 )
-from parallel_robot_model.processes.custom_module import RAISED
-from parallel_robot_model.processes.tuple_classes import distinguish
+from parallel_robot_model.processes.custom_module import RAISED, distinguish
 from parallel_robot_model.robots.contract import Fault, Model
 
 NO_NUMBER = faults.FAULTS[faults.TORQUE_NOT_FINITE].key

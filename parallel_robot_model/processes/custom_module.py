@@ -2,17 +2,178 @@
 
 from __future__ import annotations
 
+import ast
 import contextlib
 import functools
+import hashlib
+import importlib.util
 import logging
+import os
+import sys
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from importlib.machinery import PathFinder, SourceFileLoader
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, first_line
 from parallel_robot_model.configuration.fields import parameters
-from parallel_robot_model.processes.custom_import import Rehearse, import_file, try_file
+from parallel_robot_model.processes import cache_directory, trial_process
+
+# What a Python file imports of a user's own: machine code depends on it as on the file.
+
+INSTALLED = {'site-packages', 'dist-packages'}  # folders of what pip and Debian install
+
+_seen: dict[str, bytes] = {}  # sources of modules that are imported, which may have changed since
+
+
+def imported_sources(source: bytes) -> bytes:
+    """Sources of the modules that a file imports, and of those that these import.
+
+    What is installed, and the suite, are left out.
+
+    Args:
+        source: The file; empty where it is not valid Python.
+    """
+    contents: dict[str, bytes] = {}
+    waiting = [*_names(source)]
+    while waiting:
+        name = waiting.pop()
+        if name not in contents:
+            contents[name] = _content(name)
+            waiting += _names(contents[name])
+    return b''.join(
+        name.encode() + b'\0' + contents[name] for name in sorted(contents) if contents[name]
+    )
+
+
+def _content(name: str) -> bytes:
+    """Source of an outermost module of a user's own; of a package, all of its files."""
+    if name in sys.modules and name in _seen:
+        return _seen[name]
+    spec = PathFinder.find_spec(name)
+    origin = Path(spec.origin).resolve() if spec is not None and spec.origin else None
+    if origin is None or origin.suffix != '.py' or _is_installed(origin):
+        return b''
+    files = sorted(origin.parent.rglob('*.py')) if origin.stem == '__init__' else [origin]
+    _seen[name] = b'\n'.join(file.read_bytes() for file in files)
+    return _seen[name]
+
+
+def _is_installed(file: Path) -> bool:
+    return cache_directory.is_source(file) or not INSTALLED.isdisjoint(file.parts)
+
+
+def _names(source: bytes) -> Iterator[str]:
+    """Names of the outermost modules that a source imports, but for those of Python."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # Python gives them at the import
+            nodes = [*ast.walk(ast.parse(source))]
+    except (SyntaxError, ValueError, RecursionError):
+        return
+    for node in nodes:
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [node.module]
+        for name in names:
+            outermost = name.partition('.')[0]
+            if outermost not in sys.stdlib_module_names:
+                yield outermost
+
+
+# Names of classes of tuples, by which Numba tells them apart and machine code is found.
+
+
+def distinguish(*kinds: type) -> None:
+    """Name classes of tuples by module and name; other classes stay as they are.
+
+    Numba's dispatcher tells NamedTuples apart by the names of class and fields, so the ``Memory``
+    of one law could pass for that of another; every call then takes the slow path, ten times as
+    long. Numba's type of a class keeps the name that the class had when Numba first saw it, and
+    machine code is found by that name. So a class is named before any kernel makes such a tuple;
+    otherwise it depends on the order of compilation whether its code is found.
+    """
+    for kind in kinds:
+        if issubclass(kind, tuple):
+            kind.__name__ = f'{kind.__module__}.{kind.__qualname__}'
+
+
+def classes_of(module: Any) -> list[type]:
+    """Classes of tuples that a module defines."""
+    kinds = [kind for kind in vars(module).values() if isinstance(kind, type)]
+    return [k for k in kinds if issubclass(k, tuple) and k.__module__ == module.__name__]
+
+
+# How a Python file of a user's is executed, and that in a separate process first.
+#
+# The file may end its process or never return: in that other process it can, and is refused.
+
+Rehearse = Callable[[ModuleType], None]
+
+
+def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
+    """Import a file in a separate process, once for each version of its source.
+
+    Args:
+        file: The file.
+        source: Its source.
+        rehearse: Function of a module of the suite: it calls what the file defines in Python.
+
+    Raises:
+        InputError: it cannot be imported, or it ends its process, or does not return.
+    """
+    digest = hashlib.sha256(source).hexdigest()
+    mark = f'imported_{digest[:16]}'
+    if cache_directory.marked(mark) is not None:
+        return
+    names = [rehearse.__module__, rehearse.__name__]
+    ended = trial_process.run(__name__, {'file': str(file), 'digest': digest, 'rehearse': names})
+    if not ended.returned:
+        raise InputError(f'{file}: {ended.how}')
+    cache_directory.mark(mark)
+
+
+def import_file(file: Path, source: bytes) -> ModuleType:
+    """Execute a file as a module of a name of its own."""
+    # Numba tells tuples apart by the names of module and class: two files must not share one.
+    # Machine code is kept under the name, too: copies share it, unless they look where they lie.
+    place = bytes(file) + b'\0' if b'__file__' in source else b''
+    content = place + source + imported_sources(source)
+    digest = hashlib.sha256(content).hexdigest()[:16]
+    name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
+    # Whatever the file is called, the source is Python.
+    loader = SourceFileLoader(name, str(file))
+    spec = importlib.util.spec_from_file_location(name, file, loader=loader)
+    assert spec is not None  # with a loader there always is one
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    process = os.getpid()
+    try:
+        exec(compile(source, str(file), 'exec'), vars(module))
+    finally:
+        if os.getpid() != process:  # a copy that the file has forked: one command is enough
+            os._exit(1)
+    distinguish(*classes_of(module))
+    return module
+
+
+def _trial(task: dict[str, Any]) -> None:
+    """Import the file of a task, and call what it has in Python."""
+    file = Path(task['file'])
+    source = file.read_bytes()
+    if hashlib.sha256(source).hexdigest() != task['digest']:
+        raise InputError('has changed since it was read')
+    with trial_process.step('its import'):
+        module = import_file(file, source)
+    where, name = task['rehearse']
+    getattr(import_module(where), name)(module)
+
 
 SLOW = 3.0  # s, after which the file being loaded is named
 
@@ -124,3 +285,7 @@ def _telling(text: str) -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+
+
+if __name__ == '__main__':
+    trial_process.serve(_trial)

@@ -24,8 +24,8 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field, check, defaults, group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.processes.trial_process import LIMIT, step
-from parallel_robot_model.processes.tuple_classes import distinguish
 from parallel_robot_model.robots import axes, planar_3rrr, serial_2r
 from parallel_robot_model.robots.contract import (
     Estimate,
