@@ -21,7 +21,7 @@ from warm_process import WarmProcess, children
 
 from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.nodes.subscription import qos_of
-from parallel_robot_model.processes.module_process import command
+from parallel_robot_model.processes.child_process import command
 
 ROOT = Path(__file__).parents[1]
 PATIENCE = 100.0  # s; what takes so long never comes

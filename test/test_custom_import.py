@@ -14,7 +14,7 @@ from custom_law import LAW
 from ros_fixtures import until
 
 from parallel_robot.cli.command_line import main
-from parallel_robot_model.processes import cache_directory, custom_module, trial_process
+from parallel_robot_model.processes import cache_directory, child_process, custom_module
 from parallel_robot_model.processes.node_processes import MODULES, command
 
 pytest_plugins = ['ros_fixtures']
@@ -152,14 +152,14 @@ def test_one_that_exits_later_costs_one_line(tmp_path, capsys):
 
 
 def test_one_that_computes_for_ever_is_stopped(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(trial_process, 'WHOLE', 1)
+    monkeypatch.setattr(child_process, 'WHOLE', 1)
     file = written(tmp_path, 'endless', 'while True: pass')
     line = refused(['compare', 'paper_circle', '--set', f'custom_laws=[{file}]'], capsys)
     assert f'{file}: its import does not return within 1 s of processor time' in line
 
 
 def test_one_that_waits_for_ever_is_named_and_stopped(tmp_path, capsys, monkeypatch, caplog):
-    monkeypatch.setattr(trial_process, 'MAX_WAIT', 1.0)
+    monkeypatch.setattr(child_process, 'MAX_WAIT', 1.0)
     monkeypatch.setattr(custom_module, 'SLOW', 0.1)
     file = written(tmp_path, 'waiting', 'time.sleep(1e4)')
     with caplog.at_level(logging.WARNING, 'parallel_robot'):
@@ -196,7 +196,7 @@ def test_it_is_imported_as_here(tmp_path, monkeypatch, capsys):
     file = written(tmp_path, 'helped', 'from my_helper import FACTOR')
     words = ['compare', 'paper_circle', *SHORT, '--set', f'custom_laws=[{file}]', '--laws', 'pid']
     assert main(words) == 0
-    monkeypatch.setattr(trial_process, 'run', None)
+    monkeypatch.setattr(child_process, 'run_trial', None)
     monkeypatch.setattr(custom_module, '_loaded', {})
     words[-3] = f'custom_laws=[{shutil.copy(file, tmp_path / "again.py")}]'
     assert main(words) == 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_model.processes.module_process import command
+from parallel_robot_model.processes.child_process import command
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = sorted(

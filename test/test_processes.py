@@ -13,7 +13,7 @@ from rclpy.node import Node
 from ros_fixtures import PATIENCE, until
 
 from parallel_robot_model.common.errors import RunError
-from parallel_robot_model.processes import forked_process
+from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes import node_processes as processes
 from parallel_robot_model.processes.user_directory import user_directories
 
@@ -43,7 +43,7 @@ TEXTS = {
 @pytest.fixture(params=['forked', 'fresh'])
 def node(request, tmp_path, monkeypatch):
     """Make a node of a script; it is forked, or has an interpreter of its own."""
-    monkeypatch.setattr(forked_process, 'possible', lambda: request.param == 'forked')
+    monkeypatch.setattr(child_process, 'can_fork', lambda: request.param == 'forked')
     monkeypatch.setenv('PYTHONPATH', str(tmp_path))
     monkeypatch.syspath_prepend(tmp_path)
 

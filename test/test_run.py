@@ -31,7 +31,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_control.configuration import configure
 from parallel_robot_model.messages import topics
-from parallel_robot_model.processes.module_process import command
+from parallel_robot_model.processes.child_process import command
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']

@@ -19,7 +19,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.processes import forked_process
+from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes.node_processes import MODULES
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
@@ -49,7 +49,7 @@ def run(module, words, folder, environment, files):
         descriptor = os.open(path, os.O_WRONLY | os.O_APPEND)
         os.dup2(descriptor, number)
         os.close(descriptor)
-    forked_process.possible = lambda: True  # though rclpy is imported
+    child_process.can_fork = lambda: True  # though rclpy is imported
     sys.exit(_become(module, words, environment))
 
 

@@ -19,8 +19,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from parallel_robot_model.processes import cache_directory, trial_process
-from parallel_robot_model.processes.module_process import START, die_with_parent
+from parallel_robot_model.processes import cache_directory, child_process
+from parallel_robot_model.processes.child_process import START, die_with_parent
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = ('NUMBA_BOUNDSCHECK', 'NUMBA_CACHE_DIR')  # of a parent, which Numba reads once
@@ -37,8 +37,8 @@ MOST = 200_000  # bytes of a request
 def warm_trials():
     """Let this process fork its trials instead of starting an interpreter for each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(trial_process, 'subprocess', SimpleNamespace(**vars(subprocess)))
-        patch.setattr(trial_process.subprocess, 'Popen', _popen)
+        patch.setattr(child_process, 'subprocess', SimpleNamespace(**vars(subprocess)))
+        patch.setattr(child_process.subprocess, 'Popen', _popen)
         yield
 
 
@@ -130,7 +130,7 @@ def _be_trial(descriptor, words, environment, folder):
         os.environ.clear()
         os.environ.update(environment)
         sys.argv = [words[0], str(descriptor), *words[2:]]
-        trial_process.serve(importlib.import_module(words[0])._trial)
+        child_process.serve_trial(importlib.import_module(words[0])._trial)
     finally:
         os._exit(1)
 
@@ -146,10 +146,10 @@ def _warm():
     with tempfile.TemporaryDirectory() as folder, open(os.devnull, 'wb') as silence:
         file = Path(folder, 'law.py')
         file.write_text(LAW)
-        trial_process._channels.append(silence.fileno())
+        child_process._channels.append(silence.fileno())
         task = {'file': str(file), 'gains': [1.0, 1.0, 1.0], 'joints': 3}
         importlib.import_module('parallel_robot_control.prepared_laws.law_trial')._trial(task)
-        trial_process._channels.clear()
+        child_process._channels.clear()
 
 
 if __name__ == '__main__':

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import INTERPRETED, FirstClass, reason
 from parallel_robot_model.configuration import fields
-from parallel_robot_model.processes import cache_directory, custom_module, trial_process
+from parallel_robot_model.processes import cache_directory, child_process, custom_module
+from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED, blaming, import_file
-from parallel_robot_model.processes.trial_process import LIMIT, step
 from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.shapes import prepared
 
@@ -170,7 +170,9 @@ def _try_once(name: str, shape: Any, parameters: Any) -> None:
             file.write_bytes(source)
         cache = cache_directory.subdirectory('checked') or directory
         task = {'file': str(file), 'parameters': fields.plain(parameters)}
-        ended = trial_process.run(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
+        ended = child_process.run_trial(
+            __name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache
+        )
     if not ended.returned:
         raise InputError(f'{name}: {ended.how}')
     if ended.result:
@@ -186,12 +188,12 @@ def _trial(task: dict[str, Any]) -> str:
     values = dict(zip(names, task['parameters'], strict=True))
     parameters = fields.build(shape.Parameters, values)
     try:
-        with step('its Python', LIMIT):
+        with trial_step('its Python', TRIAL_LIMIT):
             made, span = prepared('it', shape, parameters)
-        with step('the compilation of motion'):
+        with trial_step('the compilation of motion'):
             shape.motion(made, 0.0)
         for t in np.linspace(0.0, 2.0 * (span or 1.0), TRIED):
-            with step('motion', LIMIT):
+            with trial_step('motion', TRIAL_LIMIT):
                 shape.motion(made, float(t))
     except RAISED as error:
         # What does not compile, or whose parameters are refused, is told where it is done again.
@@ -200,4 +202,4 @@ def _trial(task: dict[str, Any]) -> str:
 
 
 if __name__ == '__main__':
-    trial_process.serve(_trial)
+    child_process.serve_trial(_trial)

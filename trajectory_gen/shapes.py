@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.processes import custom_module
-from parallel_robot_model.processes.trial_process import LIMIT, step
+from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen import (
     circle,
@@ -73,7 +73,7 @@ def custom_trajectories(paths: Sequence[str]) -> dict[str, Any]:
 
 def rehearse(shape: ModuleType) -> None:
     """Call what a shape has in Python; what it raises is told where it is called again."""
-    with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
+    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', TRIAL_LIMIT):
         prepared('it', shape, shape.Parameters())
 
 

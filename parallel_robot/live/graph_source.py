@@ -26,7 +26,7 @@ from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.messages import topics
-from parallel_robot_model.processes.module_process import command, die_with_parent
+from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import differs
 

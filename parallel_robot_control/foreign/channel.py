@@ -18,8 +18,7 @@ from parallel_robot_control.foreign import exchange
 from parallel_robot_control.foreign.exchange import DESCRIPTOR, ENDED, GOT, HEAD, LATE, POLLED
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.compiler import Space
-from parallel_robot_model.processes.module_process import command
-from parallel_robot_model.processes.trial_process import ending
+from parallel_robot_model.processes.child_process import command, trial_ending
 
 PROCESS = 'parallel_robot_control.foreign.process'
 LOADING = 60.0  # s, within which a law must be loaded
@@ -140,7 +139,7 @@ class Channel:
         """How the process has ended."""
         assert self._process is not None
         try:
-            return ending(self._process.wait(ENDING))
+            return trial_ending(self._process.wait(ENDING))
         except subprocess.TimeoutExpired:
             return 'gives no answer'
 

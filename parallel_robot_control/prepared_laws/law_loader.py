@@ -11,8 +11,8 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.foreign import source
 from parallel_robot_control.prepared_laws import law_titles
 from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED
-from parallel_robot_model.processes.trial_process import LIMIT, step
 
 NEEDED = ('Gains', 'initial_memory', 'update')
 
@@ -42,9 +42,9 @@ def load(path: str) -> tuple[str, Law]:
 
 def rehearse(law: ModuleType) -> None:
     """Call what a law has in Python; what it raises is reported where it is called again."""
-    with contextlib.suppress(*RAISED), step('judge', LIMIT):
+    with contextlib.suppress(*RAISED), trial_step('judge', TRIAL_LIMIT):
         law.judge(law.Gains())
-    with contextlib.suppress(*RAISED), step('initial_memory', LIMIT):
+    with contextlib.suppress(*RAISED), trial_step('initial_memory', TRIAL_LIMIT):
         law.initial_memory(3)
 
 

@@ -24,9 +24,9 @@ from parallel_robot_control.prepared_laws.law_output import leaves, wrong_shapes
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import as_arrays, as_vectors
 from parallel_robot_model.configuration import fields
-from parallel_robot_model.processes import cache_directory, custom_module, trial_process
+from parallel_robot_model.processes import cache_directory, child_process, custom_module
+from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED, import_file
-from parallel_robot_model.processes.trial_process import LIMIT, step
 from parallel_robot_model.robots.contract import Model
 
 OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
@@ -72,7 +72,7 @@ def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
         InputError: the law is refused.
     """
     task = {'file': str(file), 'gains': gains, 'joints': joints}
-    ended = trial_process.run(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
+    ended = child_process.run_trial(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
     if not ended.returned:
         raise InputError(f'{name}: {ended.how}')
     verdict: dict[str, str] = ended.result
@@ -115,7 +115,7 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
     Raises:
         InputError: its output has a wrong shape.
     """
-    with step('initial_memory', LIMIT):
+    with trial_step('initial_memory', TRIAL_LIMIT):
         memory = as_arrays(law.initial_memory(joints))
     first = copy.deepcopy(memory)  # an update may write into it
     remembers = not any(map(np.size, _values(first)))
@@ -126,9 +126,9 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
         feedback = Feedback(rows[3], rows[4], rows[5], rows[6], np.eye(joints), 0.0)
         words = (gains, model, JointReference(*rows[:3]), feedback, memory, 1e-3)
         if k == 0:
-            with step('the compilation of update'):
+            with trial_step('the compilation of update'):
                 given = _compiled_for(law, words)
-        with step('update', LIMIT):
+        with trial_step('update', TRIAL_LIMIT):
             try:
                 output = law.update(*given(words))
             except Exception as error:
@@ -160,4 +160,4 @@ def _compiled_for(law: Any, words: tuple[Any, ...]) -> Callable[[Any], Any]:
 
 
 if __name__ == '__main__':
-    trial_process.serve(_trial)
+    child_process.serve_trial(_trial)

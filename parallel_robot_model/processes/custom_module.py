@@ -21,7 +21,7 @@ from typing import Any
 
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, first_line
 from parallel_robot_model.configuration.fields import parameters
-from parallel_robot_model.processes import cache_directory, trial_process
+from parallel_robot_model.processes import cache_directory, child_process
 
 # What a Python file imports of a user's own: machine code depends on it as on the file.
 
@@ -133,7 +133,9 @@ def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
     if cache_directory.marked(mark) is not None:
         return
     names = [rehearse.__module__, rehearse.__name__]
-    ended = trial_process.run(__name__, {'file': str(file), 'digest': digest, 'rehearse': names})
+    ended = child_process.run_trial(
+        __name__, {'file': str(file), 'digest': digest, 'rehearse': names}
+    )
     if not ended.returned:
         raise InputError(f'{file}: {ended.how}')
     cache_directory.mark(mark)
@@ -169,7 +171,7 @@ def _trial(task: dict[str, Any]) -> None:
     source = file.read_bytes()
     if hashlib.sha256(source).hexdigest() != task['digest']:
         raise InputError('has changed since it was read')
-    with trial_process.step('its import'):
+    with child_process.trial_step('its import'):
         module = import_file(file, source)
     where, name = task['rehearse']
     getattr(import_module(where), name)(module)
@@ -288,4 +290,4 @@ def _telling(text: str) -> Iterator[None]:
 
 
 if __name__ == '__main__':
-    trial_process.serve(_trial)
+    child_process.serve_trial(_trial)

@@ -18,10 +18,9 @@ from typing import IO, Any, NamedTuple
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.yaml_file import MARK
-from parallel_robot_model.processes import forked_process
+from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes.cache_directory import NOTICE
-from parallel_robot_model.processes.forked_process import ForkedProcess
-from parallel_robot_model.processes.module_process import command, die_with_parent
+from parallel_robot_model.processes.child_process import ForkedProcess, command, die_with_parent
 from parallel_robot_model.processes.user_directory import CACHE, open_own, user_directories
 
 MODULES = {
@@ -167,7 +166,7 @@ class NodeProcesses:
 def _start(name: str, words: list[str], log: IO[bytes]) -> Process:
     """Start a node in a session of its own, which ends with this process."""
     environment = {'AMENT_PREFIX_PATH': sys.prefix, **os.environ}
-    if forked_process.possible():
+    if child_process.can_fork():
         return ForkedProcess(name, MODULES[name], words, log, environment)
     return subprocess.Popen(
         command(MODULES[name], *words),

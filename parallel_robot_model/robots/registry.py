@@ -24,8 +24,8 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Field, check, defaults, group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.processes import custom_module
+from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import distinguish
-from parallel_robot_model.processes.trial_process import LIMIT, step
 from parallel_robot_model.robots import axes, planar_3rrr, serial_2r
 from parallel_robot_model.robots.contract import (
     Estimate,
@@ -252,7 +252,7 @@ def robot_with(
 def rehearse(module: ModuleType) -> None:
     """Call what a robot has in Python; what it raises is reported where it is called again."""
     robot_module: Any = module
-    with contextlib.suppress(*custom_module.RAISED), step('its Python', LIMIT):
+    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', TRIAL_LIMIT):
         parameters = group(default_values('it', robot_module), robot_module.Parameters, 'robot')
         robot = RobotModel('it', robot_module, robot_module.validate(parameters, 'robot'))
         robot_module.joints(robot.parameters), robot.pose_size

@@ -36,8 +36,8 @@ from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
 from parallel_robot_model.processes import cache_directory, discovery
+from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_model.processes.ending_signals import ending_signals
-from parallel_robot_model.processes.module_process import command, die_with_parent
 from parallel_robot_model.processes.node_processes import MODULES, NodeProcesses, domain_lock, end
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import Configuration, configure

@@ -17,7 +17,7 @@ from typing import IO, Protocol
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot.studies.sweep.tasks import Task
 from parallel_robot_model.common.errors import RunError
-from parallel_robot_model.processes.module_process import command, die_with_parent
+from parallel_robot_model.processes.child_process import command, die_with_parent
 
 MODULE = 'parallel_robot.studies.sweep.worker'
 ONE_THREAD = {
