@@ -34,7 +34,7 @@ from std_srvs.srv import SetBool
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.messages import topics
-from parallel_robot_model.processes.deadline import DeadlineThread
+from parallel_robot_model.processes.realtime import DeadlineThread
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator
 

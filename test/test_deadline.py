@@ -5,7 +5,7 @@ import time
 
 import pytest
 
-from parallel_robot_model.processes.deadline import DeadlineThread
+from parallel_robot_model.processes.realtime import DeadlineThread
 
 PERIOD = 2_000_000  # ns
 PATIENCE = 100.0  # s; what takes so long never comes

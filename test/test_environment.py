@@ -9,42 +9,42 @@ import pytest
 
 from parallel_robot.cli import command_line
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.processes import discovery
+from parallel_robot_model.processes import realtime
 
 ROOT = Path(__file__).parents[1]
 
 
 @pytest.fixture
 def plain(monkeypatch):
-    for name in (discovery.RANGE, discovery.LOCALHOST_ONLY):
+    for name in (realtime.DISCOVERY_RANGE, realtime.LOCALHOST_ONLY):
         monkeypatch.setenv(name, '')
         monkeypatch.delenv(name)
     return monkeypatch
 
 
 def test_nodes_are_heard_on_this_machine_unless_told(plain):
-    discovery.prepare()
-    assert os.environ[discovery.RANGE] == 'LOCALHOST'
-    plain.setenv(discovery.RANGE, 'SUBNET')
-    discovery.prepare()
-    assert os.environ[discovery.RANGE] == 'SUBNET'
+    realtime.prepare_discovery()
+    assert os.environ[realtime.DISCOVERY_RANGE] == 'LOCALHOST'
+    plain.setenv(realtime.DISCOVERY_RANGE, 'SUBNET')
+    realtime.prepare_discovery()
+    assert os.environ[realtime.DISCOVERY_RANGE] == 'SUBNET'
 
 
 def test_nodes_that_would_hear_nobody_are_not_started(plain):
-    plain.setenv(discovery.RANGE, 'OFF')
+    plain.setenv(realtime.DISCOVERY_RANGE, 'OFF')
     with pytest.raises(InputError, match='DISCOVERY_RANGE is OFF'):
-        discovery.prepare()
-    plain.setenv(discovery.LOCALHOST_ONLY, '1')  # it wins
-    discovery.prepare()
+        realtime.prepare_discovery()
+    plain.setenv(realtime.LOCALHOST_ONLY, '1')  # it wins
+    realtime.prepare_discovery()
 
 
 def test_a_machine_without_its_own_interface(plain):
-    assert not discovery._is_up('none')
-    plain.setattr(discovery, '_is_up', lambda name: name != 'lo')
+    assert not realtime._is_up('none')
+    plain.setattr(realtime, '_is_up', lambda name: name != 'lo')
     with pytest.raises(InputError, match='lo is missing or down'):
-        discovery.prepare()
-    plain.setenv(discovery.RANGE, 'SUBNET')
-    discovery.prepare()
+        realtime.prepare_discovery()
+    plain.setenv(realtime.DISCOVERY_RANGE, 'SUBNET')
+    realtime.prepare_discovery()
 
 
 def started(words, shell, **environment):

@@ -8,9 +8,9 @@ from rclpy._rclpy_pybind11 import RCLError
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.nodes import middleware
 from parallel_robot_model.nodes.middleware import (
+    DISCOVERY_RANGE,
     LOCALHOST_ONLY,
     PROFILES,
-    RANGE,
     TRANSPORTS,
     USER_PROFILES,
     USER_VARIABLES,
@@ -19,7 +19,7 @@ from parallel_robot_model.nodes.middleware import (
 
 @pytest.fixture(autouse=True)
 def _nothing_set(monkeypatch, tmp_path):
-    for name in (RANGE, LOCALHOST_ONLY, *USER_VARIABLES):
+    for name in (DISCOVERY_RANGE, LOCALHOST_ONLY, *USER_VARIABLES):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.chdir(tmp_path)
 
@@ -39,7 +39,7 @@ def in_force(choice='udp'):
 @pytest.mark.parametrize('scope', [None, 'SUBNET', 'OFF', 'SYSTEM_DEFAULT'])
 def test_beyond_this_host_udp_is_a_builtin_transport(scope, monkeypatch):
     if scope:
-        monkeypatch.setenv(RANGE, scope)
+        monkeypatch.setenv(DISCOVERY_RANGE, scope)
     text, changes = in_force()
     assert text == 'rmw_fastrtps_cpp, UDP'
     assert changes.pop(PROFILES).endswith('config/middleware/udp.xml')
@@ -47,7 +47,7 @@ def test_beyond_this_host_udp_is_a_builtin_transport(scope, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    'variables', [{RANGE: 'LOCALHOST'}, {LOCALHOST_ONLY: '1', RANGE: 'SUBNET'}]
+    'variables', [{DISCOVERY_RANGE: 'LOCALHOST'}, {LOCALHOST_ONLY: '1', DISCOVERY_RANGE: 'SUBNET'}]
 )
 def test_on_this_host_udp_takes_a_profile(variables, monkeypatch):
     for name, value in variables.items():
@@ -55,7 +55,7 @@ def test_on_this_host_udp_takes_a_profile(variables, monkeypatch):
     text, changes = in_force()
     assert text == 'rmw_fastrtps_cpp, UDP'
     assert changes.pop(PROFILES).endswith('config/middleware/udp_localhost.xml')
-    assert changes.pop(RANGE) == 'SYSTEM_DEFAULT'
+    assert changes.pop(DISCOVERY_RANGE) == 'SYSTEM_DEFAULT'
     assert changes == dict.fromkeys(set(variables) & {LOCALHOST_ONLY})
 
 

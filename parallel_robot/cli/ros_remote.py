@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import InputError, RunError, printable
 from parallel_robot_model.nodes.tool_node import tool_node
-from parallel_robot_model.processes import discovery
+from parallel_robot_model.processes import realtime
 
 HEARD = 5.0  # s, in which a node must be heard
 POLL = 0.05  # s, between two looks
@@ -120,7 +120,7 @@ def remote(name: str) -> Iterator[Remote]:
         RunError: it is not heard; those that are, are named.
     """
     full = f'/{name.strip("/")}'
-    discovery.prepare()
+    realtime.prepare_discovery()
     with tool_node('parallel_robot_param', enable_rosout=False) as own:
         deadline = time.monotonic() + HEARD
         while full not in (heard := _heard(own)):

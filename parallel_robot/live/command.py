@@ -17,7 +17,7 @@ from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot_model.common.errors import InputError, StoppedError
 from parallel_robot_model.messages.topics import add_namespace_argument, full
-from parallel_robot_model.processes import discovery
+from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.ending_signals import ending_signals
 
 HOST, PORT, OUT = '127.0.0.1', 8080, Path('runs')
@@ -142,7 +142,7 @@ def _foxglove(
             'Foxglove opens bags by itself: parallel_robot export BAG --foxglove makes one with '
             'the robot in it'
         )
-    discovery.prepare()
+    realtime.prepare_discovery()
     try:
         with ExitStack() as stack:
             values = None
@@ -175,7 +175,7 @@ def _graph(
     """The graph that runs, or one that is started."""
     from parallel_robot.live.started_graph import started_graph
 
-    discovery.prepare()
+    realtime.prepare_discovery()
     values = parameters = None
     if arguments.run is not None:
         namespace, changed = namespace or '', {'duration': 0.0, **changed}

@@ -24,7 +24,7 @@ from parallel_robot_model.common.errors import InputError, ParallelRobotError
 from parallel_robot_model.nodes import arguments, middleware
 from parallel_robot_model.nodes.background import SWITCH
 from parallel_robot_model.nodes.suite_node import SuiteNode
-from parallel_robot_model.processes import discovery, realtime
+from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.ending_signals import ending_signals
 
 END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
@@ -73,7 +73,7 @@ def run_node(
     try:
         executor.add_node(node)
         prepare_to_log()
-        if text := discovery.doubt():
+        if text := realtime.discovery_doubt():
             node.get_logger().warning(text)
         gc.collect()
         gc.freeze()  # little is allocated from here on: collections stay short

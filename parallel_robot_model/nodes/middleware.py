@@ -21,7 +21,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.plain_data import LOADER
-from parallel_robot_model.processes.discovery import LOCALHOST_ONLY, RANGE
+from parallel_robot_model.processes.realtime import DISCOVERY_RANGE, LOCALHOST_ONLY
 
 KEY = 'middleware'
 PROFILES = 'FASTRTPS_DEFAULT_PROFILES_FILE'
@@ -118,10 +118,10 @@ def transport(choice: str) -> Iterator[str]:
 def _udp() -> dict[str, str | None]:
     """Variables for UDP alone in the discovery range of this process; None: not set."""
     profiles = config.directory() / 'middleware'
-    if os.environ.get(LOCALHOST_ONLY) == '1' or os.environ.get(RANGE) == 'LOCALHOST':
+    if os.environ.get(LOCALHOST_ONLY) == '1' or os.environ.get(DISCOVERY_RANGE) == 'LOCALHOST':
         # There rmw_fastrtps adds shared memory to any transport; in SYSTEM_DEFAULT, nothing.
         file = str(profiles / 'udp_localhost.xml')
-        return {RANGE: 'SYSTEM_DEFAULT', LOCALHOST_ONLY: None, PROFILES: file}
+        return {DISCOVERY_RANGE: 'SYSTEM_DEFAULT', LOCALHOST_ONLY: None, PROFILES: file}
     return {TRANSPORTS: 'UDPv4', PROFILES: str(profiles / 'udp.xml')}
 
 

@@ -39,8 +39,8 @@ from parallel_robot_model.nodes.diagnostics import Usage, diagnostics_message
 from parallel_robot_model.nodes.parameter_services import BoundedParameterService
 from parallel_robot_model.nodes.parameters import START, CommonStart
 from parallel_robot_model.nodes.state_period import AUTO, wait_for_period
-from parallel_robot_model.processes.deadline import DeadlineThread
 from parallel_robot_model.processes.node_processes import WATCH
+from parallel_robot_model.processes.realtime import DeadlineThread
 
 STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
 NO_CLOCK = 'use_sim_time is true and nobody publishes /clock: set it to false, or start who does'

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import os
 import platform
 import resource
+import socket
+import struct
+import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
+
+from parallel_robot_model.common.errors import InputError
 
 LOOP = 20  # priority of SCHED_FIFO: above normal work, below the interrupt threads of Linux (50)
 LISTENER = 10  # of nodes that must not delay the loop, nor fall behind: resending costs more
@@ -150,3 +157,106 @@ def _highest(limit: int) -> int:
     with contextlib.suppress(OSError, ValueError):
         resource.setrlimit(limit, (hard, hard))
     return hard if hard != resource.RLIM_INFINITY else 99
+
+
+# A thread that acts at absolute times: after a delay it catches up; it never drifts.
+
+WAIT_SLICE = 0.05  # s, longest sleep between checks of the stop flag
+
+
+class DeadlineThread(threading.Thread):
+    """Calls ``tick(stamp)`` for every stamp of a grid, each at its time on the system clock.
+
+    The grid consists of whole multiples of the period since the epoch, so samples of independent
+    nodes carry the same stamps.
+    """
+
+    def __init__(
+        self,
+        period: int,
+        tick: Callable[[int], None],
+        failed: Callable[[Exception], None],
+        ahead: int = 0,
+    ) -> None:
+        """Prepare the thread.
+
+        Args:
+            period: Time between two stamps [ns].
+            tick: What to do; called with the stamp [ns].
+            failed: Called with the exception that ended `tick`; the thread ends.
+            ahead: How long before its stamp a tick is due [ns].
+        """
+        super().__init__(name='deadline', daemon=True)
+        self._period = period
+        self._tick = tick
+        self._failed = failed
+        self._ahead = ahead
+        self._ended = False  # no Event: a signal handler that sets one can wait for itself
+
+    def run(self) -> None:
+        """Tick until :meth:`stop`."""
+        offset = time.time_ns() - time.monotonic_ns()
+        stamp = (time.time_ns() + self._ahead) // self._period * self._period + self._period
+        try:
+            while not self._ended:
+                left = (stamp - self._ahead - offset - time.monotonic_ns()) * 1e-9
+                if left > WAIT_SLICE:
+                    time.sleep(WAIT_SLICE)
+                    continue
+                if left > 0.0:
+                    time.sleep(left)
+                self._tick(stamp)
+                stamp += self._period
+        except Exception as error:  # passed on: nothing above a thread catches it
+            self._failed(error)
+
+    def end(self) -> None:
+        """Let this tick be the last; a signal handler may call this."""
+        self._ended = True
+
+    def stop(self) -> None:
+        """Ask the thread to end, and wait for it unless it is the caller."""
+        self.end()
+        if self.is_alive() and threading.current_thread() is not self:
+            self.join()
+
+
+# Whether nodes of this machine can hear each other, before any is started.
+
+DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
+LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'  # deprecated; 1 means the range LOCALHOST, whatever RANGE is
+FLAGS_OF, UP = 0x8913, 1  # of an interface, see netdevice(7): SIOCGIFFLAGS, IFF_UP
+
+
+def prepare_discovery() -> None:
+    """Let nodes be heard on this machine alone, unless the user has said where.
+
+    Raises:
+        InputError: they would be heard nowhere.
+    """
+    os.environ.setdefault(DISCOVERY_RANGE, 'LOCALHOST')
+    if text := discovery_doubt():
+        raise InputError(text)
+
+
+def discovery_doubt() -> str:
+    """Why nodes of this process are heard nowhere; empty if they can be."""
+    chosen = os.environ.get(DISCOVERY_RANGE)
+    local = chosen == 'LOCALHOST' or os.environ.get(LOCALHOST_ONLY) == '1'
+    if chosen == 'OFF' and not local:
+        return f'{DISCOVERY_RANGE} is OFF: no node hears another; unset it, or set LOCALHOST'
+    if local and not _is_up('lo'):
+        return (
+            'the interface lo is missing or down, over which the nodes of one machine talk; '
+            'ip link set lo up'
+        )
+    return ''
+
+
+def _is_up(interface: str) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+        try:
+            flags = fcntl.ioctl(asked, FLAGS_OF, struct.pack('16sH14x', interface.encode(), 0))
+        except OSError:
+            return False  # there is none
+    return bool(struct.unpack('16sH14x', flags)[1] & UP)

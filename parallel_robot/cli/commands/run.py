@@ -35,7 +35,7 @@ from parallel_robot_model.configuration.config_files import absolute_scenario
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
-from parallel_robot_model.processes import cache_directory, discovery
+from parallel_robot_model.processes import cache_directory, realtime
 from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.node_processes import MODULES, NodeProcesses, domain_lock, end
@@ -194,7 +194,7 @@ def move(
             raise InputError(ENDLESS, 'duration')
         experiment = assemble(configuration)
     new_files.check_directory(out)
-    discovery.prepare()
+    realtime.prepare_discovery()
     parameters = node_parameters(MODULES, scenario, changed, experiment.loop)
     parameters['recorder']['recorder.out'] = str(out)
     parameters['recorder']['recorder.command_line'] = command_line()

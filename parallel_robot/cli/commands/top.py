@@ -11,7 +11,7 @@ from parallel_robot.watch.graph import Graph
 from parallel_robot.watch.robots import Robot, Robots
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.messages.topics import add_namespace_argument, full
-from parallel_robot_model.processes import discovery
+from parallel_robot_model.processes import realtime
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
 PATIENCE = 5.0  # s, in which a node must be heard then, and after it a joint
@@ -33,7 +33,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError("textual is not installed; pip install 'parallel_robot[top]'") from None
     from parallel_robot.watch.ros_graph import RosGraph  # only this command needs ROS
 
-    discovery.prepare()
+    realtime.prepare_discovery()
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     robots = Robots()
     with RosGraph(robots) as graph:
