@@ -12,7 +12,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.controller_io import JointSample
 from parallel_robot_control.prepared_laws.prepared_law import renewed
-from parallel_robot_model.compiler import vector_types
+from parallel_robot_model.compiler import vectors
 from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of
 
@@ -49,7 +49,7 @@ def counts(monkeypatch):
         return type_of(value, context)
 
     monkeypatch.setattr(Dispatcher, 'compile', compiling)
-    for module in (typing_module, vector_types):
+    for module in (typing_module, vectors):
         monkeypatch.setattr(module, 'typeof_impl', typing)
     return counted
 

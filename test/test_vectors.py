@@ -29,7 +29,7 @@ from parallel_robot_model.compiler import (
     vector,
     write_row,
 )
-from parallel_robot_model.compiler.vector_operators import BINARY, UNARY
+from parallel_robot_model.compiler.vectors import BINARY, UNARY
 
 ODD = [0.0, -0.0, math.nan, math.inf, -math.inf, 1.0, -1.0, 5e-324, 1e308, 0.5, -2.5, 3.0]
 X = np.array([*ODD, *(3.0 * np.random.default_rng(1).standard_normal(52))])

@@ -53,7 +53,7 @@ from parallel_robot_model.compiler.vector_select import (
     select,
     some,
 )
-from parallel_robot_model.compiler.vector_types import (
+from parallel_robot_model.compiler.vectors import (
     INTERPRETED,
     Vector,
     VectorType,

@@ -11,7 +11,7 @@ from numba.np.numpy_support import as_dtype
 
 from parallel_robot_model.compiler.numba_parts import impl_ret_new_ref, in_kernels
 from parallel_robot_model.compiler.vector_rows import read_row, write_row
-from parallel_robot_model.compiler.vector_types import (
+from parallel_robot_model.compiler.vectors import (
     VectorType,
     as_arrays,
     as_vectors,

@@ -23,7 +23,7 @@ from parallel_robot_model.compiler.numba_parts import (
     lower_getattr_generic,
 )
 from parallel_robot_model.compiler.plain_values import plain, plain_type
-from parallel_robot_model.compiler.vector_types import INTERPRETED, divisible
+from parallel_robot_model.compiler.vectors import INTERPRETED, divisible
 
 ALIGNMENT = 64  # bytes, of the widest register
 LARGEST = 256  # bytes, of anything that is no array: a number, a text, a kernel, an array's header

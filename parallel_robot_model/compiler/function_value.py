@@ -11,7 +11,7 @@ from numba import types
 from numba.extending import register_model
 
 from parallel_robot_model.compiler.numba_parts import FunctionModel, address_of
-from parallel_robot_model.compiler.vector_types import INTERPRETED, divisible
+from parallel_robot_model.compiler.vectors import INTERPRETED, divisible
 
 
 class _FunctionType(types.FunctionType):  # type: ignore[misc]

@@ -10,11 +10,11 @@ from typing import Any, TypeVar, cast
 import numba
 
 import parallel_robot_model.compiler.vector_functions
-import parallel_robot_model.compiler.vector_operators  # noqa: F401 and these
+import parallel_robot_model.compiler.vectors  # noqa: F401 and these
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler.kernel_cache import cache_of
 from parallel_robot_model.compiler.numba_parts import CachedDispatcher, CPUDispatcher
-from parallel_robot_model.compiler.vector_types import INTERPRETED, holds_vectors
+from parallel_robot_model.compiler.vectors import INTERPRETED, holds_vectors
 
 Function = TypeVar('Function', bound=Callable[..., Any])
 

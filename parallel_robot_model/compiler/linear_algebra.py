@@ -12,8 +12,7 @@ from numba.extending import overload
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import in_kernels
-from parallel_robot_model.compiler.vector_operators import elementwise, emit, pack
-from parallel_robot_model.compiler.vector_types import VectorType
+from parallel_robot_model.compiler.vectors import VectorType, elementwise, emit, pack
 
 
 @kernel

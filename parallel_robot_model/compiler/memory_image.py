@@ -14,7 +14,7 @@ from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue
 from parallel_robot_model.compiler.numba_parts import cpu_target
 from parallel_robot_model.compiler.raw_memory import Space
-from parallel_robot_model.compiler.vector_types import VectorType
+from parallel_robot_model.compiler.vectors import VectorType
 
 POINTER = 8  # bytes
 DATA = 4  # field of an array in which its address lies

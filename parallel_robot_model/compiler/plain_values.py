@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.compiler.vector_types import Vector
+from parallel_robot_model.compiler.vectors import Vector
 
 
 def plain_type(value: Any) -> np.dtype[Any] | None:

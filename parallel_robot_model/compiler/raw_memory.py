@@ -11,7 +11,7 @@ from llvmlite import ir
 from numba import types
 
 from parallel_robot_model.compiler.numba_parts import in_kernels
-from parallel_robot_model.compiler.vector_types import Vector, load, shape_of, store
+from parallel_robot_model.compiler.vectors import Vector, load, shape_of, store
 
 _DOUBLE = ir.DoubleType().as_pointer()
 

@@ -15,8 +15,14 @@ from numba import types
 from numba.extending import type_callable
 
 from parallel_robot_model.compiler.numba_parts import cgutils, lower_builtin
-from parallel_robot_model.compiler.vector_operators import element_of, elementwise, emit, pack
-from parallel_robot_model.compiler.vector_types import VectorType, vector
+from parallel_robot_model.compiler.vectors import (
+    VectorType,
+    element_of,
+    elementwise,
+    emit,
+    pack,
+    vector,
+)
 
 
 @type_callable(len)

@@ -9,7 +9,7 @@ import numpy as np
 from numba import types
 
 from parallel_robot_model.compiler.numba_parts import cgutils, in_kernels
-from parallel_robot_model.compiler.vector_types import Vector, VectorType, load, shape_of, store
+from parallel_robot_model.compiler.vectors import Vector, VectorType, load, shape_of, store
 
 
 def _row(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:

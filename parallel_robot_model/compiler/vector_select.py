@@ -11,8 +11,7 @@ from numba.extending import overload, type_callable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import inner, kernel
 from parallel_robot_model.compiler.numba_parts import impl_ret_new_ref, lower_builtin
-from parallel_robot_model.compiler.vector_operators import pack
-from parallel_robot_model.compiler.vector_types import VectorType, aligned, tuple_like
+from parallel_robot_model.compiler.vectors import VectorType, aligned, pack, tuple_like
 
 
 def select(condition: Any, a: Any, b: Any) -> Any:

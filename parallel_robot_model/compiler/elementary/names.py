@@ -19,7 +19,7 @@ from parallel_robot_model.compiler.elementary.logarithm import log, power
 from parallel_robot_model.compiler.elementary.sine import cos, sin, tan
 from parallel_robot_model.compiler.kernels import PYTHON
 from parallel_robot_model.compiler.numba_parts import loops_of, lower_builtin
-from parallel_robot_model.compiler.vector_types import INTERPRETED, Vector
+from parallel_robot_model.compiler.vectors import INTERPRETED, Vector
 
 OF_ONE: dict[Any, tuple[Any, ...]] = {
     sin: (math.sin, np.sin), cos: (math.cos, np.cos), tan: (math.tan, np.tan),
