@@ -23,7 +23,6 @@ Python
     reach a bag: numpy and scipy choose their code by the processor.
 """
 
-from parallel_robot_model.compiler.array_copies import arrays_of, vectors_of
 from parallel_robot_model.compiler.banded import solve_full, solve_sparse
 from parallel_robot_model.compiler.boxed import ANY, Boxed
 from parallel_robot_model.compiler.compile_error import reason
@@ -44,14 +43,17 @@ from parallel_robot_model.compiler.native_code import NativeObject, native_objec
 from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_model.compiler.system_calls import poll, recv, send, shutdown
-from parallel_robot_model.compiler.vector_rows import read_row, write_row
-from parallel_robot_model.compiler.vector_select import (
+from parallel_robot_model.compiler.vector_kernels import (
+    arrays_of,
     clip,
     every,
     is_finite,
     largest,
+    read_row,
     select,
     some,
+    vectors_of,
+    write_row,
 )
 from parallel_robot_model.compiler.vectors import (
     INTERPRETED,

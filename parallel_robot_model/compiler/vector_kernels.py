@@ -1,0 +1,345 @@
+"""Whole vectors in kernels: rows of arrays, decisions without branches, copies as arrays."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import overload, type_callable
+from numba.np.numpy_support import as_dtype
+
+from parallel_robot_model.common.units import Array
+from parallel_robot_model.compiler.kernels import inner, kernel
+from parallel_robot_model.compiler.numba_parts import (
+    cgutils,
+    impl_ret_new_ref,
+    in_kernels,
+    lower_builtin,
+)
+from parallel_robot_model.compiler.vectors import (
+    Vector,
+    VectorType,
+    aligned,
+    as_arrays,
+    as_vectors,
+    load,
+    pack,
+    shape_of,
+    store,
+    tuple_like,
+)
+
+# Rows of arrays as values, in kernels: vectors and numbers are read and written whole.
+
+
+def _row(context: Any, builder: Any, kind: Any, value: Any, index: Any) -> Any:
+    """Emit a pointer to a row of an array."""
+    array = context.make_array(kind)(context, builder, value)
+    shape = cgutils.unpack_tuple(builder, array.shape, kind.ndim)
+    for length in shape[1:]:
+        index = builder.mul(index, length)
+    return builder.gep(array.data, [index])
+
+
+def _holds(array: Any, value: Any) -> bool:
+    """Whether a type is that of consecutive elements of an array."""
+    if not isinstance(array, types.Array) or array.layout != 'C':
+        return False
+    return bool(shape_of(value)[1] == array.dtype)
+
+
+def _elements(array: Any, index: int, count: int) -> Any:
+    """The elements from the beginning of a row on."""
+    start = int(index) * math.prod(array.shape[1:])
+    return array.reshape(-1)[start : start + count]
+
+
+def read_row(array: Any, index: int, like: Any) -> Any:
+    """Row `index` of an array as a value of the type of `like`; neither is checked."""
+    numbers = _elements(array, index, np.size(like))
+    return numbers.reshape(like.shape).copy().view(Vector) if np.ndim(like) else numbers[0]
+
+
+def write_row(array: Any, index: int, value: Any) -> None:
+    """Write a number or a vector to row `index` of an array; neither is checked."""
+    _elements(array, index, np.size(value))[:] = np.ravel(value)
+
+
+@in_kernels(read_row)
+def _read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
+    if not _holds(array, like):
+        return None
+    signature = like(array, types.intp, like)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = _row(context, builder, array, values[0], values[1])
+        return load(context, builder, like, pointer)
+
+    return signature, generate
+
+
+@in_kernels(write_row)
+def _write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
+    value = types.unliteral(value)
+    ours = isinstance(value, VectorType)
+    if not _holds(array, value if ours else array.dtype) or not array.mutable:
+        return None
+    signature = types.none(array, types.intp, value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        pointer = _row(context, builder, array, values[0], values[1])
+        if ours:
+            store(context, builder, value, values[2], pointer)
+        else:
+            given = context.cast(builder, values[2], value, array.dtype)
+            store(context, builder, array.dtype, given, pointer)
+        return context.get_dummy_value()
+
+    return signature, generate
+
+
+# Decisions without branches, in kernels: both results are computed, and one is taken.
+
+
+def select(condition: Any, a: Any, b: Any) -> Any:
+    """`a` where a condition holds, else `b`: numbers, vectors and tuples of them."""
+    if isinstance(a, tuple):
+        parts = [select(condition, *pair) for pair in zip(a, b, strict=True)]
+        return type(a)(*parts) if hasattr(a, '_fields') else tuple(parts)
+    if isinstance(condition, np.ndarray):
+        chosen = np.where(*aligned((condition, a, b)))
+        return chosen.view(type(condition))
+    return a if condition else b
+
+
+@type_callable(select)
+def _type_of_select(context: Any) -> Any:
+    return lambda condition, a, b: _selected(condition, a, b)
+
+
+def _selected(condition: Any, a: Any, b: Any) -> Any:
+    """Type of a selection; None if there is none."""
+    if not isinstance(condition, (types.Boolean, VectorType)):
+        return None
+    if isinstance(a, types.BaseTuple) and isinstance(b, types.BaseTuple):
+        if len(a) != len(b):
+            return None
+        kinds = [_selected(condition, *pair) for pair in zip(a.types, b.types, strict=True)]
+        return None if None in kinds else tuple_like(a, kinds)
+    if isinstance(a, VectorType) and a == b and a.count == 0:
+        return a  # the memory of a law that has none
+    vectors = [kind for kind in (condition, a, b) if isinstance(kind, VectorType)]
+    if vectors:
+        if len({kind.count for kind in vectors}) > 1:
+            return None
+        inner = _selected(*(_element(kind) for kind in (condition, a, b)))
+        return None if inner is None else VectorType(vectors[0].count, inner)
+    if isinstance(a, types.Number) and isinstance(b, types.Number):
+        if isinstance(a, types.Integer) and isinstance(b, types.Integer):
+            return types.int64
+        return types.float64
+    a, b = types.unliteral(a), types.unliteral(b)
+    return a if a == b else None
+
+
+def _element(kind: Any) -> Any:
+    return kind.element if isinstance(kind, VectorType) else kind
+
+
+@lower_builtin(select, types.Any, types.Any, types.Any)
+def _select(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    result = _choose(context, builder, signature.args, values, signature.return_type)
+    return impl_ret_new_ref(context, builder, signature.return_type, result)
+
+
+def _choose(context: Any, builder: Any, kinds: Any, values: Any, to: Any) -> Any:
+    (condition, a, b), (c, x, y) = kinds, values
+    if isinstance(to, types.BaseTuple):
+        parts = [
+            _choose(
+                context,
+                builder,
+                (condition, a.types[i], b.types[i]),
+                (c, builder.extract_value(x, i), builder.extract_value(y, i)),
+                to.types[i],
+            )
+            for i in range(len(to))
+        ]
+        return context.make_tuple(builder, to, parts)
+    if isinstance(to, VectorType):
+        parts = []
+        for i in range(to.count):
+            each = [
+                builder.extract_value(value, i) if isinstance(kind, VectorType) else value
+                for kind, value in zip(kinds, values, strict=True)
+            ]
+            parts.append(_choose(context, builder, tuple(map(_element, kinds)), each, to.element))
+        return pack(context, builder, to, parts)
+    x, y = context.cast(builder, x, a, to), context.cast(builder, y, b, to)
+    result = builder.select(c, x, y)
+    context.nrt.incref(builder, to, result)
+    return result
+
+
+@overload(select, strict=False)
+def _select_of_arrays(condition: Any, a: Any, b: Any) -> Any:
+    if isinstance(condition, types.Array):
+        return lambda condition, a, b: np.where(condition, a, b)
+    return None
+
+
+def every(condition: Any) -> Any:
+    """Whether a condition holds for all elements of a vector."""
+    return np.all(condition)
+
+
+def some(condition: Any) -> Any:
+    """Whether a condition holds for an element of a vector."""
+    return np.any(condition)
+
+
+def _reduces(function: Any, instruction: str) -> None:
+    @type_callable(function)
+    def _type(context: Any) -> Any:
+        return lambda x: x.element if isinstance(x, VectorType) else None
+
+    @lower_builtin(function, VectorType)
+    def _lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        result = builder.extract_value(values[0], 0)
+        for i in range(1, signature.args[0].count):
+            result = getattr(builder, instruction)(result, builder.extract_value(values[0], i))
+        return result
+
+
+@overload(every, strict=False)
+def _every_of_array(condition: Any) -> Any:
+    return (lambda condition: np.all(condition)) if isinstance(condition, types.Array) else None
+
+
+@overload(some, strict=False)
+def _some_of_array(condition: Any) -> Any:
+    return (lambda condition: np.any(condition)) if isinstance(condition, types.Array) else None
+
+
+_reduces(every, 'and_')
+_reduces(some, 'or_')
+
+
+@kernel
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """`x` within its limits, element by element; NaN stays NaN."""
+    return select(x > high, high, select(x < low, low, x))
+
+
+@kernel
+def largest(x: Any) -> Any:
+    """Largest magnitude of the elements of a vector or an array of one dimension."""
+    largest = abs(x[0])
+    for i in range(1, len(x)):
+        largest = max(largest, abs(x[i]))
+    return largest
+
+
+@inner
+def is_finite(x: Array) -> bool:
+    """Whether all elements of a vector are finite."""
+    return every(x - x == 0.0)
+
+
+# Vectors as arrays and back, in tuples of any kind: for functions that change or slice them.
+
+
+def arrays_of(value: Any) -> Any:
+    """A value with new arrays in place of its vectors."""
+    return as_arrays(value)
+
+
+def vectors_of(value: Any, like: Any) -> Any:
+    """A value of the type of `like`, with vectors in place of its arrays.
+
+    One of another size is not read: floats become NaN.
+    """
+    return as_vectors(value)
+
+
+def _with_arrays(kind: Any) -> Any:
+    """Type of a value with arrays in place of its vectors."""
+    if isinstance(kind, types.BaseTuple):
+        return tuple_like(kind, [_with_arrays(part) for part in kind])
+    shape, scalar = shape_of(kind)
+    return types.Array(scalar, len(shape), 'C') if shape else kind
+
+
+@in_kernels(arrays_of)
+def _arrays_of(context: Any, value: Any) -> Any:
+    arrays = _with_arrays(value)
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        made = _array(context, builder, value, values[0])
+        return impl_ret_new_ref(context, builder, arrays, made)
+
+    return arrays(value), generate
+
+
+@in_kernels(vectors_of)
+def _vectors_of(context: Any, value: Any, like: Any) -> Any:
+    if value != _with_arrays(like):
+        return None
+
+    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+        return _vector(context, builder, like, values[0], values[1])
+
+    return like(value, like), generate
+
+
+def _array(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Emit a value with arrays in place of its vectors."""
+    if isinstance(kind, types.BaseTuple):
+        parts = [
+            _array(context, builder, part, builder.extract_value(value, k))
+            for k, part in enumerate(kind)
+        ]
+        return context.make_tuple(builder, _with_arrays(kind), parts)
+    if not isinstance(kind, VectorType):
+        return value
+    shape, scalar = shape_of(kind)
+    dtype = as_dtype(scalar)
+
+    def copied(x: Any) -> Any:
+        copy = np.empty(shape, dtype)
+        write_row(copy, 0, x)
+        return copy
+
+    return context.compile_internal(builder, copied, _with_arrays(kind)(kind), [value])
+
+
+def _vector(context: Any, builder: Any, kind: Any, value: Any, like: Any) -> Any:
+    """Emit a value of a type with vectors in place of its arrays."""
+    if isinstance(kind, types.BaseTuple):
+        parts = [
+            _vector(
+                context,
+                builder,
+                part,
+                builder.extract_value(value, k),
+                builder.extract_value(like, k),
+            )
+            for k, part in enumerate(kind)
+        ]
+        return context.make_tuple(builder, kind, parts)
+    if not isinstance(kind, VectorType):
+        return value
+    shape, scalar = shape_of(kind)
+    count = math.prod(shape)
+
+    def floats(x: Any, like: Any) -> Any:
+        return read_row(x, 0, like) if x.size == count else like * np.nan
+
+    def others(x: Any, like: Any) -> Any:
+        return read_row(x, 0, like) if x.size == count else like
+
+    copied = floats if scalar == types.float64 else others
+    signature = kind(_with_arrays(kind), kind)
+    return context.compile_internal(builder, copied, signature, [value, like])
