@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_model.compiler import FirstClass, kernel, kernel_cache
+from parallel_robot_model.compiler import FirstClass, kernel, kernels
 from parallel_robot_model.processes import cache_directory
 
 ROOT = Path(__file__).parents[1]
@@ -173,8 +173,8 @@ def test_what_others_have_not_used_for_long_is_removed(tree):
 @pytest.fixture
 def told(caplog, monkeypatch):
     """What is told of compiling, in a process that has not told it."""
-    kernel_cache._announce.cache_clear()
-    monkeypatch.setattr(kernel_cache, '_due', math.inf)
+    kernels._announce.cache_clear()
+    monkeypatch.setattr(kernels, '_due', math.inf)
     caplog.set_level(logging.INFO, 'parallel_robot')
     return lambda: caplog.messages
 
@@ -198,13 +198,13 @@ def test_a_process_that_loses_its_cache_compiles_and_tells_so_once(told, tmp_pat
 
 def test_how_far_it_is_is_told_now_and_then(told, tmp_path, monkeypatch):
     monkeypatch.setattr(cache_directory, 'OWN', str(tmp_path / 'cache'))
-    monkeypatch.setattr(kernel_cache, '_due', 0.0)
+    monkeypatch.setattr(kernels, '_due', 0.0)
     for factor in (4.0, 5.0, 6.0):
         assert kernel(lambda x, factor=factor: factor * x)(1.0) == factor
     text = f'1 of about {cache_directory.ALL} kernels are compiled'
     assert told() == [cache_directory.NOTICE, text]  # and then not for some seconds
     assert cache_directory.compiled() == text.replace('1', '3', 1)
-    monkeypatch.setattr(kernel_cache, '_due', 0.0)
+    monkeypatch.setattr(kernels, '_due', 0.0)
     monkeypatch.setattr(cache_directory, 'OWN', '')
     assert kernel(lambda x: 7.0 * x)(1.0) == 7.0 and len(told()) == 2  # where nobody knows
 
@@ -390,9 +390,9 @@ def test_code_for_a_law_is_found_whatever_was_compiled_before_it():
 
 def test_the_private_parts_of_numba_that_are_used_are_there():
     """A newer Numba that fails here needs kernel_cache.py and function_value.py looked at."""
-    implementation = kernel_cache.KernelCache(kernel(lambda x: x).py_func)._impl
-    assert isinstance(implementation, kernel_cache._Files)
-    assert isinstance(implementation.locator, kernel_cache._Place)
+    implementation = kernels.KernelCache(kernel(lambda x: x).py_func)._impl
+    assert isinstance(implementation, kernels._Files)
+    assert isinstance(implementation.locator, kernels._Place)
     assert implementation.filename_base.startswith('test_kernel_cache.')
     value = FirstClass(kernel(lambda x: 2.0 * x), 1.0)
     assert value._numba_type_.key == value.signature()

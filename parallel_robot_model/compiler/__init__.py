@@ -25,7 +25,6 @@ Python
 
 from parallel_robot_model.compiler.banded import solve_full, solve_sparse
 from parallel_robot_model.compiler.boxed import ANY, Boxed
-from parallel_robot_model.compiler.compile_error import reason
 from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
 from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
@@ -36,6 +35,7 @@ from parallel_robot_model.compiler.kernels import (
     inner,
     kernel,
     need_compiler,
+    reason,
 )
 from parallel_robot_model.compiler.linear_algebra import cross, dot, multiply, solve
 from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
