@@ -23,7 +23,6 @@ Python
     reach a bag: numpy and scipy choose their code by the processor.
 """
 
-from parallel_robot_model.compiler.banded import solve_full, solve_sparse
 from parallel_robot_model.compiler.boxed import ANY, Boxed
 from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
 from parallel_robot_model.compiler.function_value import FirstClass
@@ -37,7 +36,14 @@ from parallel_robot_model.compiler.kernels import (
     need_compiler,
     reason,
 )
-from parallel_robot_model.compiler.linear_algebra import cross, dot, multiply, solve
+from parallel_robot_model.compiler.linear_algebra import (
+    cross,
+    dot,
+    multiply,
+    solve,
+    solve_full,
+    solve_sparse,
+)
 from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
 from parallel_robot_model.compiler.native_code import NativeObject, native_object
 from parallel_robot_model.compiler.plain_values import plain_type
