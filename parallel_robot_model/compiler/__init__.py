@@ -23,9 +23,8 @@ Python
     reach a bag: numpy and scipy choose their code by the processor.
 """
 
-from parallel_robot_model.compiler.boxed import ANY, Boxed
+from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, plain_type
 from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
-from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
 from parallel_robot_model.compiler.kernels import (
     composed,
@@ -46,7 +45,6 @@ from parallel_robot_model.compiler.linear_algebra import (
 )
 from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
 from parallel_robot_model.compiler.native_code import NativeObject, native_object
-from parallel_robot_model.compiler.plain_values import plain_type
 from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
 from parallel_robot_model.compiler.system_calls import poll, recv, send, shutdown
 from parallel_robot_model.compiler.vector_kernels import (

@@ -6,24 +6,136 @@ is written to memory once; kernels read its fields from there, by the same names
 
 from __future__ import annotations
 
-from typing import Any
+import copy
+from collections.abc import Callable
+from typing import Any, cast
 
+import numba
 import numpy as np
 from llvmlite import ir
 from numba import typeof, types
 from numba.extending import NativeValue, models, register_model, unbox
 
-from parallel_robot_model.compiler.function_value import FirstClass
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import (
     AttributeTemplate,
+    FunctionModel,
+    address_of,
     impl_ret_borrowed,
     in_kernels,
     infer_getattr,
     lower_getattr_generic,
 )
-from parallel_robot_model.compiler.plain_values import plain, plain_type
-from parallel_robot_model.compiler.vectors import INTERPRETED, divisible
+from parallel_robot_model.compiler.vectors import INTERPRETED, Vector, divisible
+
+# Values made of numbers, vectors and None: how they lie in memory, as kernels have them there.
+
+
+def plain_type(value: Any) -> np.dtype[Any] | None:
+    """How a value lies in memory; None if it is made of something else, too."""
+    if isinstance(value, tuple):
+        parts = [plain_type(part) for part in value]
+        if any(part is None for part in parts):
+            return None
+        return np.dtype([(f'f{k}', part) for k, part in enumerate(parts)], align=True)
+    if isinstance(value, Vector):
+        return np.dtype((value.dtype, value.shape))
+    if value is None:
+        return np.dtype(np.intp)  # a pointer that nobody follows
+    if isinstance(value, bool | int | float | complex | np.number | np.bool_):
+        return np.asarray(value).dtype
+    return None
+
+
+def plain(value: Any) -> Any:
+    """A value as it is written to memory."""
+    if isinstance(value, tuple):
+        return tuple(map(plain, value))
+    return 0 if value is None else value
+
+
+def read_plain(record: Any, like: Any) -> Any:
+    """A value as it lies in memory, of the type of `like`."""
+    if isinstance(like, tuple):
+        parts = [read_plain(record[k], part) for k, part in enumerate(like)]
+        return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
+    if isinstance(like, Vector):
+        return np.array(record).view(Vector)
+    return None if like is None else record.item()
+
+
+# Kernels as values, for kernels that take a function.
+
+
+class _FunctionType(types.FunctionType):  # type: ignore[misc]
+    """Type of a function by address, told apart by the types of its arguments.
+
+    Numba's own goes by the names of the types: two laws whose ``Gains`` have the same number of
+    fields would be one type to it, and one law two types if its classes are named anew.
+    """
+
+    @property
+    def key(self) -> Any:
+        return self.signature
+
+
+register_model(_FunctionType)(FunctionModel)
+
+
+class FirstClass:
+    """A kernel as a value: its machine code, by address, for kernels that take a function.
+
+    A kernel that takes one is compiled once for the signature, not again for every function, and
+    calls the very code that a direct call runs.
+
+    Attributes:
+        function: The kernel.
+        compiled: What Numba has made of it; not there where kernels are interpreted.
+    """
+
+    compiled: Any
+
+    def __init__(self, function: Callable[..., Any], *example: Any) -> None:
+        """Compile `function` for the types of the `example` arguments."""
+        self.function = function
+        if INTERPRETED:
+            return
+        dispatcher = cast(Any, function)
+        arguments = tuple(numba.typeof(argument) for argument in example)
+        dispatcher.compile(arguments)
+        compiled = dispatcher.overloads[arguments]
+        self.compiled = compiled
+        self._signature = compiled.signature
+        self._address = address_of(compiled)
+        self._numba_type_ = _FunctionType(self._signature)  # saves a search at every call
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the kernel from Python."""
+        return self.function(*(divisible(arguments) if INTERPRETED else arguments))
+
+    @property
+    def fields(self) -> tuple[int, int, int]:
+        """How it lies in memory, see FunctionModel."""
+        return self._address, id(self), 0
+
+    def erased(self, kind: Any) -> FirstClass:
+        """The same with another type of its first argument, as wide as its own."""
+        if INTERPRETED:
+            return self
+        other = copy.copy(self)
+        known = self._signature
+        other._signature = known.return_type(kind, *known.args[1:])
+        other._numba_type_ = _FunctionType(other._signature)
+        return other
+
+    def __wrapper_address__(self) -> int:
+        """Address of the machine code (Numba's protocol)."""
+        return self._address
+
+    def signature(self) -> Any:
+        """Signature of the machine code (Numba's protocol)."""
+        return self._signature
+
 
 ALIGNMENT = 64  # bytes, of the widest register
 LARGEST = 256  # bytes, of anything that is no array: a number, a text, a kernel, an array's header

@@ -12,8 +12,8 @@ import numpy as np
 from llvmlite import ir
 from numba import types
 
+from parallel_robot_model.compiler.boxed import plain, plain_type, read_plain
 from parallel_robot_model.compiler.numba_parts import in_kernels
-from parallel_robot_model.compiler.plain_values import plain, plain_type, read_plain
 
 ALIGNMENT = 64  # bytes, of the widest register
 HEAD = 64  # bytes, before the values: the number of the present one

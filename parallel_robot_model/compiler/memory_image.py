@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import typeof, types
 
-from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed
-from parallel_robot_model.compiler.function_value import FirstClass
+from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed, FirstClass
 from parallel_robot_model.compiler.kept_value import KeptValue
 from parallel_robot_model.compiler.numba_parts import cpu_target
 from parallel_robot_model.compiler.raw_memory import Space
