@@ -25,7 +25,6 @@ Python
 
 from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, plain_type
 from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
-from parallel_robot_model.compiler.kept_value import KeptValue, begin, keep, present, propose
 from parallel_robot_model.compiler.kernels import (
     composed,
     entry_point,
@@ -43,10 +42,22 @@ from parallel_robot_model.compiler.linear_algebra import (
     solve_full,
     solve_sparse,
 )
+from parallel_robot_model.compiler.memory import (
+    KeptValue,
+    Space,
+    begin,
+    keep,
+    poll,
+    present,
+    propose,
+    read_at,
+    recv,
+    send,
+    shutdown,
+    write_at,
+)
 from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
 from parallel_robot_model.compiler.native_code import NativeObject, native_object
-from parallel_robot_model.compiler.raw_memory import Space, read_at, write_at
-from parallel_robot_model.compiler.system_calls import poll, recv, send, shutdown
 from parallel_robot_model.compiler.vector_kernels import (
     arrays_of,
     clip,

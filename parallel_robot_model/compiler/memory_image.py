@@ -10,9 +10,8 @@ import numpy as np
 from numba import typeof, types
 
 from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed, FirstClass
-from parallel_robot_model.compiler.kept_value import KeptValue
+from parallel_robot_model.compiler.memory import KeptValue, Space
 from parallel_robot_model.compiler.numba_parts import cpu_target
-from parallel_robot_model.compiler.raw_memory import Space
 from parallel_robot_model.compiler.vectors import VectorType
 
 POINTER = 8  # bytes
