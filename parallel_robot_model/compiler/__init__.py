@@ -56,8 +56,13 @@ from parallel_robot_model.compiler.memory import (
     shutdown,
     write_at,
 )
-from parallel_robot_model.compiler.memory_image import Image, Leaf, leaves
-from parallel_robot_model.compiler.native_code import NativeObject, native_object
+from parallel_robot_model.compiler.native_code import (
+    Image,
+    Leaf,
+    NativeObject,
+    leaves,
+    native_object,
+)
 from parallel_robot_model.compiler.vector_kernels import (
     arrays_of,
     clip,
