@@ -6,16 +6,16 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.compiler.elementary import constants
+from parallel_robot_model.compiler.elementary import float_bits
 from parallel_robot_model.compiler.elementary.float_bits import exact_product, exact_sum, halves
 from parallel_robot_model.compiler.kernels import inner, merged
 
 CENTRES, FIRST = 32, 4  # of a ratio up to 1, in units of 1/32; below the first the centre is 0
 TABLE = np.array(
-    [constants.arctangent(j, CENTRES) if j >= FIRST else (0.0, 0.0) for j in range(CENTRES + 1)]
+    [float_bits.arctangent(j, CENTRES) if j >= FIRST else (0.0, 0.0) for j in range(CENTRES + 1)]
 )
-PI, PI_REST = constants.double(constants.PI, constants.DIGITS)
-HALF_PI, HALF_PI_REST = constants.double(*constants.HALF_PI)
+PI, PI_REST = float_bits.double(float_bits.PI, float_bits.DIGITS)
+HALF_PI, HALF_PI_REST = float_bits.double(*float_bits.HALF_PI)
 SMALL = 2.0**-60  # the arcus tangent of a ratio is the ratio
 LARGEST, LEAST, SCALE = 2.0**500, 2.0**-500, 2.0**600  # lengths that are scaled
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from parallel_robot_model.compiler.elementary import constants
+from parallel_robot_model.compiler.elementary import float_bits
 from parallel_robot_model.compiler.elementary.float_bits import (
     SHIFT,
     bits_of,
@@ -14,8 +14,8 @@ from parallel_robot_model.compiler.elementary.float_bits import (
 )
 from parallel_robot_model.compiler.kernels import inner, merged
 
-LN_2, LN_2_REST = constants.parts(*constants.LN_2, 40)
-PER_LN_2 = 1.0 / constants.rounded(*constants.LN_2)
+LN_2, LN_2_REST = float_bits.parts(*float_bits.LN_2, 40)
+PER_LN_2 = 1.0 / float_bits.rounded(*float_bits.LN_2)
 OVERFLOW, UNDERFLOW = 709.782712893384, -745.1332191019412  # beyond, the result is inf or 0
 SATURATED = 20.0  # the hyperbolic tangent is 1
 TINY = 2.0**-54

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.compiler.elementary import constants
+from parallel_robot_model.compiler.elementary import float_bits
 from parallel_robot_model.compiler.elementary.exponential import (
     LN_2,
     LN_2_REST,
@@ -40,7 +40,7 @@ def _near(j: int) -> int:
 INVERSE = np.array([_near(max(j, 1)) / 512.0 for j in range(HIGHEST + 1)])
 LOGARITHM = np.array(
     [
-        constants.logarithm(512, _near(j), PLACES) if j >= LOWEST else (0.0, 0.0)
+        float_bits.logarithm(512, _near(j), PLACES) if j >= LOWEST else (0.0, 0.0)
         for j in range(HIGHEST + 1)
     ]
 )

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from parallel_robot_model.compiler.elementary import constants
+from parallel_robot_model.compiler.elementary import float_bits
 from parallel_robot_model.compiler.elementary.float_bits import (
     BIAS,
     FRACTION,
@@ -19,17 +19,17 @@ from parallel_robot_model.compiler.elementary.float_bits import (
 )
 from parallel_robot_model.compiler.kernels import inner, merged
 
-PER_QUADRANT = constants.rounded(constants.TWO_BY_PI[1], 28) + sum(
-    constants.rounded(digit, 28 * k) for k, digit in enumerate(constants.TWO_BY_PI[2:4], 2)
+PER_QUADRANT = float_bits.rounded(float_bits.TWO_BY_PI[1], 28) + sum(
+    float_bits.rounded(digit, 28 * k) for k, digit in enumerate(float_bits.TWO_BY_PI[2:4], 2)
 )  # 2/pi
-FIRST, SECOND, REST = constants.parts(*constants.HALF_PI, 33, 66)  # of pi/2
-*_, THIRD, LAST = constants.parts(*constants.HALF_PI, 33, 66, 99)
-HALF_PI, HALF_PI_REST = constants.double(*constants.HALF_PI)
+FIRST, SECOND, REST = float_bits.parts(*float_bits.HALF_PI, 33, 66)  # of pi/2
+*_, THIRD, LAST = float_bits.parts(*float_bits.HALF_PI, 33, 66, 99)
+HALF_PI, HALF_PI_REST = float_bits.double(*float_bits.HALF_PI)
 LARGE = 2.0**20  # from here on the number of quadrants has more digits than FIRST leaves
 NEAR = 2.0**-58  # of the number of quadrants; nearer to one of them REST has too few digits
 TINY = 2.0**-27  # sin x = x
-DIGITS = np.array(constants.TWO_BY_PI)
-PER_DIGIT, MASK = constants.PER_DIGIT, (1 << constants.PER_DIGIT) - 1
+DIGITS = np.array(float_bits.TWO_BY_PI)
+PER_DIGIT, MASK = float_bits.PER_DIGIT, (1 << float_bits.PER_DIGIT) - 1
 
 
 @merged
