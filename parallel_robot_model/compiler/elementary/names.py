@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numba import types
 
-from parallel_robot_model.compiler.elementary.arctangent import acos, asin, atan, atan2
+from parallel_robot_model.compiler.elementary.angles import acos, asin, atan, atan2, cos, sin, tan
 from parallel_robot_model.compiler.elementary.exponential import exp, tanh
 from parallel_robot_model.compiler.elementary.logarithm import log, power
-from parallel_robot_model.compiler.elementary.sine import cos, sin, tan
 from parallel_robot_model.compiler.kernels import PYTHON
 from parallel_robot_model.compiler.numba_parts import loops_of, lower_builtin
 from parallel_robot_model.compiler.vectors import INTERPRETED, Vector
