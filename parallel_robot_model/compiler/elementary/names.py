@@ -14,8 +14,7 @@ import numpy as np
 from numba import types
 
 from parallel_robot_model.compiler.elementary.angles import acos, asin, atan, atan2, cos, sin, tan
-from parallel_robot_model.compiler.elementary.exponential import exp, tanh
-from parallel_robot_model.compiler.elementary.logarithm import log, power
+from parallel_robot_model.compiler.elementary.powers import exp, log, power, tanh
 from parallel_robot_model.compiler.kernels import PYTHON
 from parallel_robot_model.compiler.numba_parts import loops_of, lower_builtin
 from parallel_robot_model.compiler.vectors import INTERPRETED, Vector
