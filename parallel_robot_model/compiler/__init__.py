@@ -24,7 +24,7 @@ Python
 """
 
 from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, plain_type
-from parallel_robot_model.compiler.elementary.of_arrays import arctangent, cosine, sine
+from parallel_robot_model.compiler.elementary.names import arctangent, cosine, sine
 from parallel_robot_model.compiler.kernels import (
     composed,
     entry_point,

@@ -15,7 +15,7 @@ from numba import types
 
 from parallel_robot_model.compiler.elementary.angles import acos, asin, atan, atan2, cos, sin, tan
 from parallel_robot_model.compiler.elementary.powers import exp, log, power, tanh
-from parallel_robot_model.compiler.kernels import PYTHON
+from parallel_robot_model.compiler.kernels import PYTHON, kernel
 from parallel_robot_model.compiler.numba_parts import loops_of, lower_builtin
 from parallel_robot_model.compiler.vectors import INTERPRETED, Vector
 
@@ -73,3 +73,24 @@ else:
     for _function, _names in (*OF_ONE.items(), *OF_TWO.items()):
         for _name in _names:
             _register(_function, _name, 2 if _function in OF_TWO else 1)
+
+
+# Elementary functions for Python: of a number, or of an array element by element.
+
+
+@kernel
+def sine(x: Any) -> Any:
+    """Sine of angles [rad]; as all here, the same bits on every processor."""
+    return np.sin(x)
+
+
+@kernel
+def cosine(x: Any) -> Any:
+    """Cosine of angles [rad]."""
+    return np.cos(x)
+
+
+@kernel
+def arctangent(y: Any, x: Any) -> Any:
+    """Angles of the directions (x, y) [rad]."""
+    return np.arctan2(y, x)
