@@ -40,7 +40,7 @@ from rclpy.task import Future
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes import middleware
-from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.background import STATE_INDEX
 from parallel_robot_model.nodes.subscription import listen, qos_of
 from parallel_robot_model.processes import realtime
 

@@ -22,7 +22,7 @@ from graphs import COMMAND, LOOK, Graph, Outcome, command, nodes, settings, twin
 from mcap.reader import make_reader
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.background import STATE_INDEX
 from parallel_robot_model.processes.node_processes import MODULES, processor_seconds
 
 PERIOD = 1e-3  # s

@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime

@@ -6,8 +6,8 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.time import Time
 
-from parallel_robot_model.nodes import diagnostics
-from parallel_robot_model.nodes.diagnostics import Usage, diagnostics_message
+from parallel_robot_model.nodes import background
+from parallel_robot_model.nodes.background import Usage, diagnostics_message
 
 NODE = SimpleNamespace(
     get_name=lambda: 'plant',
@@ -38,7 +38,7 @@ def test_the_level_is_that_of_the_worst(warnings, alarm, level, text):
 def test_rate_and_processor_are_those_since_the_last_call(monkeypatch):
     now = SimpleNamespace(monotonic=10.0, process_time=1.0)
     clock = SimpleNamespace(monotonic=lambda: now.monotonic, process_time=lambda: now.process_time)
-    monkeypatch.setattr(diagnostics, 'time', clock)
+    monkeypatch.setattr(background, 'time', clock)
     usage = Usage()
     now.monotonic, now.process_time = 12.0, 1.5
     assert usage.measure(2000) == {'rate [Hz]': '1000.0', 'processor [%]': '25.0'}

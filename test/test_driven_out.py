@@ -21,7 +21,7 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 
 END = 201  # states inside the workspace
 

@@ -8,7 +8,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.background import STATE_INDEX
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']

@@ -13,7 +13,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.cli.ros_session import Session
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.messages.topics import full
-from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.background import STATE_INDEX
 from parallel_robot_model.processes import node_processes as processes
 
 pytest_plugins = ['ros_fixtures']

@@ -6,7 +6,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_node import PlantNode
 

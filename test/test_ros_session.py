@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from parallel_robot.cli import ros_session
 from parallel_robot.cli.ros_session import Session
 from parallel_robot_model.common.errors import RunError
-from parallel_robot_model.nodes.diagnostics import STATE_INDEX
+from parallel_robot_model.nodes.background import STATE_INDEX
 from parallel_robot_model.processes.node_processes import Work
 
 ASKING = 0.5  # s, that a question takes

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from parallel_robot_model.common.errors import RunError, printable
 from parallel_robot_model.configuration.plain_data import whole_number
 from parallel_robot_model.messages.topics import OUTPUTS
-from parallel_robot_model.nodes.diagnostics import OUTSIDE, STATE_INDEX
+from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 from parallel_robot_model.nodes.tool_node import tool_node
 from parallel_robot_model.processes.node_processes import Work
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.service import Service
 
@@ -115,3 +118,90 @@ class Background:
         except Exception as error:
             if not self._closed.is_set():  # else its publisher or service is gone
                 self._survive(error)
+
+
+# How long the callbacks of a node hold its loop.
+
+
+class CallbackTimes:
+    """The longest callback since the last look, with its name."""
+
+    def __init__(self, background: Background) -> None:
+        """Begin to measure; what the `background` does holds nothing."""
+        self._background = background
+        self._longest, self._name = 0, ''
+
+    def timed(self, name: str, callback: Callable[..., Any]) -> Callable[..., Any]:
+        """A callback whose time counts under a name."""
+
+        @functools.wraps(callback)
+        def timed(*arguments: Any) -> Any:
+            begun = time.perf_counter_ns()
+            try:
+                return callback(*arguments)
+            finally:
+                taken = time.perf_counter_ns() - begun
+                if taken > self._longest and not self._background.is_current():
+                    self._longest, self._name = taken, name
+
+        return timed
+
+    def take(self) -> dict[str, str]:
+        """Entry of the diagnostics; none if there was no callback since the last call."""
+        longest, name = self._longest, self._name
+        self._longest = 0
+        return {'longest callback [ms]': f'{1e-6 * longest:.3f} {name}'} if longest else {}
+
+
+# Diagnostics of a node: its message, its rate and its share of a processor.
+
+# Keys that other programs read; all others are for people.
+STATE_INDEX = 'state index'  # of the plant's last published state; absent while it is held
+OUTSIDE = 'outside the workspace'  # whether the plant's robot was driven out: True or False
+
+
+def diagnostics_message(
+    node: Node, values: Mapping[str, Any], warnings: Collection[str], alarm: str
+) -> DiagnosticArray:
+    """The diagnostics of a node as a message.
+
+    Args:
+        node: The node.
+        values: Key to value.
+        warnings: Those of the keys that tell of something unusual.
+        alarm: What is wrong; empty for nothing.
+    """
+    level = DiagnosticStatus.WARN if warnings else DiagnosticStatus.OK
+    status = DiagnosticStatus(
+        level=DiagnosticStatus.ERROR if alarm else level,
+        name=f'{node.get_name()}: loop',
+        message=alarm or ', '.join(warnings) or 'ok',
+        hardware_id=node.get_fully_qualified_name(),
+        values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+    )
+    message = DiagnosticArray(status=[status])
+    message.header.stamp = node.get_clock().now().to_msg()
+    return message
+
+
+class Usage:
+    """Measures the rate of a node and what it uses of its processor, from call to call."""
+
+    def __init__(self) -> None:
+        """Begin to measure."""
+        self._time = time.monotonic()  # s
+        self._busy = time.process_time()  # s
+        self._samples = 0
+
+    def measure(self, samples: int | None) -> dict[str, str]:
+        """Entries of the diagnostics since the last call.
+
+        Args:
+            samples: How many the node has handled since its start; None if it has no rhythm.
+        """
+        now, busy = time.monotonic(), time.process_time()
+        seconds, used = now - self._time, busy - self._busy
+        handled = (samples or 0) - self._samples
+        self._time, self._busy, self._samples = now, busy, samples or 0
+        rate = {} if samples is None else {'rate [Hz]': f'{handled / seconds:.1f}'}
+        return rate | {'processor [%]': f'{100.0 * used / seconds:.1f}'}

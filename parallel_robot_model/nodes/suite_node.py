@@ -32,10 +32,13 @@ from parallel_robot_model.configuration import config, config_files, fields, loo
 from parallel_robot_model.configuration.fields import build_groups, joint_field
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes import parameters
-from parallel_robot_model.nodes.background import Background
-from parallel_robot_model.nodes.callback_times import CallbackTimes
+from parallel_robot_model.nodes.background import (
+    Background,
+    CallbackTimes,
+    Usage,
+    diagnostics_message,
+)
 from parallel_robot_model.nodes.connections import Connections
-from parallel_robot_model.nodes.diagnostics import Usage, diagnostics_message
 from parallel_robot_model.nodes.parameter_services import BoundedParameterService
 from parallel_robot_model.nodes.parameters import START, CommonStart
 from parallel_robot_model.nodes.state_period import AUTO, wait_for_period
