@@ -41,7 +41,7 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes import middleware
 from parallel_robot_model.nodes.background import STATE_INDEX
-from parallel_robot_model.nodes.subscription import listen, qos_of
+from parallel_robot_model.nodes.connections import listen, qos_of
 from parallel_robot_model.processes import realtime
 
 AHEAD = 20_000_000  # ns, how long before its stamp a reference is sent

@@ -13,8 +13,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_model.processes.realtime import DeadlineThread
 
 PERIOD = 1_000_000  # ns

@@ -25,8 +25,7 @@ from parallel_robot_control.cycle import ControlSetup, When, run_cycle
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.compiler import kernel, select, vector
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.configuration import configure
 from trajectory_gen.messages import reference_messages

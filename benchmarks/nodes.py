@@ -30,8 +30,7 @@ from graphs import revision, warm
 from rows import Row, row
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_model.processes.node_processes import MODULES
 
 FIRST = {

@@ -26,8 +26,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_model.processes.node_processes import command
 
 PLAYED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)

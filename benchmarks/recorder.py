@@ -25,7 +25,7 @@ from rows import row, show
 from parallel_robot.bags.files.record_names import MESSAGES
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import DEPTH
-from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.processes.node_processes import command
 from parallel_robot_model.processes.realtime import DeadlineThread
 

@@ -19,8 +19,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_srvs.srv import Trigger
 from warm_process import WarmProcess, children
 
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_model.processes.child_process import command
 
 ROOT = Path(__file__).parents[1]

@@ -16,7 +16,7 @@ from std_srvs.srv import Trigger
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']

@@ -4,7 +4,7 @@ import pytest
 from sensor_msgs.msg import JointState
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.nodes.message_types import INDEX, message_class
+from parallel_robot_model.nodes.connections import INDEX, message_class
 
 
 def test_a_type_that_is_installed_is_found():

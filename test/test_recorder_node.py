@@ -16,8 +16,7 @@ from parallel_robot.bags.files.record_names import MESSAGES
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 
 pytest_plugins = ['ros_fixtures']
 

@@ -10,7 +10,7 @@ from ros_fixtures import until
 from sensor_msgs.msg import JointState
 
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.state_period import FEW, period_of
+from parallel_robot_model.nodes.connections import FEW, period_of
 from parallel_robot_model.processes.node_processes import MODULES
 
 pytest_plugins = ['ros_fixtures']

@@ -18,7 +18,7 @@ from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes.node_processes import MODULES
 from parallel_robot_sim.configuration import configure_plant

@@ -21,8 +21,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from reliability.effects import TOPICS, Effect, Line, relayed
 
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 
 
 class Relay:

@@ -21,8 +21,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.messages import cdr, topics
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import qos_of
+from parallel_robot_model.nodes.connections import message_class, qos_of
 
 PATIENCE = 2.0  # s, for an answer
 WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERENCE)

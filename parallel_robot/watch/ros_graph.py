@@ -28,7 +28,7 @@ from parallel_robot.watch.graph import Tell
 from parallel_robot.watch.robots import Robot, Robots
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.nodes.tool_node import tool_node
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)

@@ -2,21 +2,98 @@
 
 from __future__ import annotations
 
+import importlib
+import inspect
+import os
+import re
+import sys
+import time
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
+import numpy as np
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from parallel_robot_model.common.errors import printable
-from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.units import NANOSECONDS, usual_step
+from parallel_robot_model.configuration.loop import MICROSECOND, LoopParameters
+from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.layouts import OWN
-from parallel_robot_model.messages.topics import QUEUE, Topic
-from parallel_robot_model.nodes.message_types import message_class
+from parallel_robot_model.messages.topics import DEPTH, JOINT_STATES, QUEUE, Topic
 from parallel_robot_model.nodes.our_joints import OurJoints
 from parallel_robot_model.nodes.single_publisher import SinglePublisher
-from parallel_robot_model.nodes.subscription import listen, qos_of
+
+# Types of messages, from installed interface packages only.
+
+NAME = re.compile(r'([a-z][a-z0-9_]*)/(msg|srv|action)/([A-Za-z][A-Za-z0-9_]*)')
+INDEX = Path('share', 'ament_index', 'resource_index', 'rosidl_interfaces')
+
+
+def prefixes() -> list[Path]:
+    """Where packages are installed: the prefixes of ROS, then the environment of this Python."""
+    given = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in (*given, sys.prefix) if prefix]
+
+
+def message_class(type_name: str) -> Any:
+    """Import the class of a ROS type such as ``'std_msgs/msg/String'``.
+
+    A name may come over the wire or from a bag: no other module than one of an interface package
+    is imported for it.
+
+    Raises:
+        InputError: no such type is installed.
+    """
+    match = NAME.fullmatch(type_name)
+    if match and any((prefix / INDEX / match[1]).is_file() for prefix in prefixes()):
+        try:
+            return getattr(importlib.import_module(f'{match[1]}.{match[2]}'), match[3])
+        except (ImportError, AttributeError):
+            pass  # as if it were not there
+    raise InputError(f'no type {printable(type_name)} is installed')
+
+
+# Quality of service of the suite's topics, and subscriptions to messages as bytes.
+
+
+def qos_of(topic: Topic) -> QoSProfile:
+    """Quality of service of a topic of the suite."""
+    if topic.latched:
+        return QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    return QoSProfile(depth=DEPTH)
+
+
+def listen(
+    node: Node, topic: Topic, qos: QoSProfile, take: Callable[[bytes, int, int], None]
+) -> Subscription:
+    """Subscribe to the serialised messages of a topic, with what the middleware knows of each.
+
+    Args:
+        node: The node that subscribes.
+        topic: Name and type.
+        qos: Quality of service.
+        take: Called with the message, the time of its reception [ns], and its number, which
+            its publisher counts from 1 on; 0 if the middleware does not number messages.
+    """
+
+    def pass_on(*arguments: Any) -> None:
+        # EventsExecutor passes message and information as one tuple (rclpy 7.1).
+        data, information = arguments if len(arguments) == 2 else arguments[0]
+        take(
+            data,
+            information['received_timestamp'],
+            information['publication_sequence_number'] or 0,
+        )
+
+    signature = inspect.signature(lambda message, information: None)
+    pass_on.__signature__ = signature  # type: ignore[attr-defined]
+    return node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
+
 
 NOT_KNOWN = 'one that is not known yet'
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # for ROS, of a node that was discovered a moment ago
@@ -147,3 +224,67 @@ class Connections:
         )
         several = '' if len(nodes) == 1 else 's'
         return printable(f'{name} has {len(nodes)} publisher{several}: {", ".join(nodes)}')
+
+
+# The period with which joint states come, for a node that is told ``period: auto``.
+
+AUTO = 'auto'
+FEW = 20  # steps from a state to the next, at least, of which the period is found
+SPAN = NANOSECONDS // 2  # ns, over all of them, at least
+LOOK = 0.1  # s, between two looks whether the states suffice
+REMINDER = 5.0  # s, from one word that it still waits to the next
+
+
+def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) -> int:
+    """Wait for joint states, and find their period from their stamps.
+
+    Args:
+        node: The node that waits; nothing else of it happens meanwhile.
+        joints: Names of the joints; messages of others are left out.
+        end_with_parent: Whether the process ends when the one that started it has.
+
+    Returns:
+        The period, in whole microseconds [ns].
+    """
+    ours, stamps, parent = OurJoints(JOINT_STATES, joints), [], os.getppid()
+
+    def take(data: bytes, _: int, number: int) -> None:
+        stamp = None if ours.others(data) else layouts.header_stamp(data)
+        if stamp is not None:
+            stamps.append(stamp)
+
+    qos = QoSProfile(depth=QUEUE, reliability=ReliabilityPolicy.BEST_EFFORT)
+    subscription = listen(node, JOINT_STATES, qos, take)
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    told, period = -REMINDER, 0
+    while not period:
+        end = time.monotonic() + LOOK
+        while time.monotonic() < end:
+            executor.spin_once(timeout_sec=LOOK)
+        period = period_of(np.array(stamps, np.int64))
+        if end_with_parent and os.getppid() != parent:
+            raise SystemExit(0)
+        if not period and end - told > REMINDER:
+            node.get_logger().warning(f'period {AUTO}: waits for {subscription.topic_name}')
+            told = end
+    executor.remove_node(node)
+    executor.shutdown()
+    node.destroy_subscription(subscription)
+    return period
+
+
+def period_of(stamps: np.ndarray) -> int:
+    """The period of states, of which single ones may be missing.
+
+    Args:
+        stamps: Their stamps, in the order in which they came [ns], shape (N,).
+
+    Returns:
+        The period, in whole microseconds [ns]; 0 if they are too few to tell.
+    """
+    steps = np.diff(stamps)
+    steps = steps[steps > 0]
+    if len(steps) < FEW or steps.sum() < SPAN:
+        return 0
+    return round(usual_step(steps) / MICROSECOND) * MICROSECOND

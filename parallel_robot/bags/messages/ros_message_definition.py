@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.nodes.message_types import prefixes
+from parallel_robot_model.nodes.connections import prefixes
 
 SEPARATOR = '\n' + '=' * 80 + '\nMSG: {}\n'
 BUILT_IN = (

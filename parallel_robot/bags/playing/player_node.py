@@ -22,8 +22,8 @@ from parallel_robot.bags.reading.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.messages import layouts, topics
+from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.nodes.life_cycle import run_node
-from parallel_robot_model.nodes.message_types import message_class
 from parallel_robot_model.nodes.parameters import describe
 from parallel_robot_model.nodes.suite_node import SuiteNode
 

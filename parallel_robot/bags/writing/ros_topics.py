@@ -15,8 +15,7 @@ from parallel_robot.bags.messages.ros_message_definition import definition
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.messages.topics import DEPTH, RECORDED, Topic
-from parallel_robot_model.nodes.message_types import message_class
-from parallel_robot_model.nodes.subscription import listen, qos_of
+from parallel_robot_model.nodes.connections import listen, message_class, qos_of
 
 
 class RecorderParameters(NamedTuple):
