@@ -4,7 +4,7 @@ import pytest
 
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.layouts import OWN
-from parallel_robot_model.nodes.our_joints import OurJoints
+from parallel_robot_model.nodes.joint_reader import OurJoints
 
 OURS = ('joint1', 'joint2', 'joint3')
 

@@ -6,13 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_model.nodes.single_publisher import (
-    PERIODS,
-    RUN,
-    SETTLED,
-    SILENCE,
-    SinglePublisher,
-)
+from parallel_robot_model.nodes.joint_reader import PERIODS, RUN, SETTLED, SILENCE, SinglePublisher
 
 PERIOD = 1e-3  # s
 FIRST, SECOND = 'first', 'second'

@@ -25,8 +25,7 @@ from parallel_robot_model.configuration.loop import MICROSECOND, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.layouts import OWN
 from parallel_robot_model.messages.topics import DEPTH, JOINT_STATES, QUEUE, Topic
-from parallel_robot_model.nodes.our_joints import OurJoints
-from parallel_robot_model.nodes.single_publisher import SinglePublisher
+from parallel_robot_model.nodes.joint_reader import OurJoints, SinglePublisher
 
 # Types of messages, from installed interface packages only.
 
