@@ -14,7 +14,7 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import parameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.nodes import joint_reader
-from parallel_robot_model.nodes import parameter_services as services
+from parallel_robot_model.nodes import parameters as services
 from parallel_robot_model.robots import planar_3rrr
 
 DOCS = Path(__file__).parents[1] / 'docs'

@@ -24,7 +24,7 @@ from parallel_robot.bags.writing.recorder_node import RecorderNode
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes import parameter_services as services
+from parallel_robot_model.nodes import parameters
 from parallel_robot_model.processes import realtime
 from parallel_robot_sim.plant_node import PlantNode
 from trajectory_gen.trajectory_node import TrajectoryNode
@@ -174,7 +174,7 @@ def test_a_refusal_names_what_is_wrong(any_service):
 
 @pytest.mark.parametrize('kind', ['Get', 'Describe', 'List'])
 def test_a_question_that_is_too_long_is_not_looked_at(kind, service):
-    names = ['law'] * (services.MAX_NAMES + 1)
+    names = ['law'] * (parameters.MAX_NAMES + 1)
     ask, field, answer = {
         'Get': ('get_parameters', 'names', 'values'),
         'Describe': ('describe_parameters', 'names', 'descriptors'),

@@ -39,8 +39,7 @@ from parallel_robot_model.nodes.background import (
     diagnostics_message,
 )
 from parallel_robot_model.nodes.connections import AUTO, Connections, wait_for_period
-from parallel_robot_model.nodes.parameter_services import BoundedParameterService
-from parallel_robot_model.nodes.parameters import START, CommonStart
+from parallel_robot_model.nodes.parameters import START, BoundedParameterService, CommonStart
 from parallel_robot_model.processes.node_processes import WATCH
 from parallel_robot_model.processes.realtime import DeadlineThread
 
