@@ -44,8 +44,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import NOT_KNOWN
 from parallel_robot_model.nodes.joint_reader import JointReader
-from parallel_robot_model.nodes.life_cycle import run_node
-from parallel_robot_model.nodes.managed_node import Lifecycle
+from parallel_robot_model.nodes.life_cycle import Lifecycle, run_node
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import faulthandler
 import gc
 import inspect
@@ -9,31 +10,80 @@ import logging
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 from rclpy.logging import LoggingSeverity
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
+from rclpy.utilities import remove_ros_args
 
-from parallel_robot_model.common.errors import InputError, ParallelRobotError
-from parallel_robot_model.nodes import arguments, middleware
+from parallel_robot_model.common.errors import InputError, ParallelRobotError, first_line
+from parallel_robot_model.common.options import Parser
+from parallel_robot_model.configuration.config import PACKAGE
+from parallel_robot_model.nodes import middleware
 from parallel_robot_model.nodes.background import SWITCH
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.ending_signals import ending_signals
 
+# The command line of a node: ROS arguments, arguments of its own, help.
+
+AddArguments = Callable[[argparse.ArgumentParser], None]
+
+
+def read_arguments(
+    node: Callable[..., Any], words: Sequence[str], add_arguments: AddArguments | None = None
+) -> dict[str, Any]:
+    """Read the command line of a node; ``--help`` is answered, and ends the process.
+
+    Args:
+        node: Class of the node. Its help shows the docstring of its module and, as an example,
+            its `example` after its name.
+        words: The command line, with the name of the program.
+        add_arguments: Declares arguments of the node's own; None: it has none.
+
+    Returns:
+        Name to value of the node's own arguments.
+
+    Raises:
+        InputError: an argument is unknown, or its value is wrong.
+    """
+    name = node.__name__.removesuffix('Node').lower()
+    about = inspect.cleandoc(sys.modules[node.__module__].__doc__ or '')
+    parser = Parser(
+        prog=name,
+        usage=None if add_arguments else '%(prog)s [-h] [--ros-args ...]',
+        description=about,
+        epilog=(
+            'Parameters follow --ros-args; docs/parameters.md lists them with units and ranges,\n'
+            f'"ros2 param describe /{name} KEY" describes them while the node runs. Example:\n\n'
+            f'  ros2 run {PACKAGE} {name} {getattr(node, "example", "")}\n\n'
+            f'Command line (run, analyze, ...): {PACKAGE}, else ros2 run {PACKAGE} {PACKAGE}'
+        ),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    if add_arguments is not None:
+        add_arguments(parser)
+    try:
+        own = remove_ros_args(list(words))
+    except RuntimeError as error:  # base of all that rcl says of its arguments
+        text = str(error).splitlines()[0]
+        raise InputError(f'unknown ROS arguments {text}' if text[0] == '[' else text) from None
+    return vars(parser.parse_args(own[1:]))
+
+
 END_TIMEOUT = 8.0  # s, for the end of a node; then it is forced, with a traceback
 STOP_LATENCY = 0.1  # s, longest time from a signal, or the parent's end, to that of the executor
 
 
-def run_node(
-    make: Callable[..., SuiteNode], add_arguments: arguments.AddArguments | None = None
-) -> int:
+def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None = None) -> int:
     """Run a node until it finishes, until a signal ends it, or if asked, until its parent ends.
 
     Args:
@@ -59,7 +109,7 @@ def run_node(
     log_to_ros()
     sys.setswitchinterval(SWITCH)
     try:
-        given = arguments.read(make, sys.argv, add_arguments)
+        given = read_arguments(make, sys.argv, add_arguments)
         transport_choice = middleware.asked(sys.argv)
         with middleware.explained(), middleware.transport(transport_choice) as transport:
             _initialise()
@@ -154,3 +204,73 @@ def prepare_to_log() -> None:
     rclpy asks `inspect` for the caller of each line, which at first goes through all modules.
     """
     inspect.stack()
+
+
+# The life cycle of a node that the tools of ROS configure, activate and deactivate.
+
+
+class Lifecycle(LifecycleNodeMixin):  # type: ignore[misc]
+    """Offers the services of a managed node in the name of another node.
+
+    Attributes:
+        active: Whether the node is active.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        activate: Callable[[], str],
+        deactivate: Callable[[], None],
+        shut_down: Callable[[], None],
+    ) -> None:
+        """Begin unconfigured.
+
+        Args:
+            node: The node that is managed.
+            activate: Called to make it active; says why that is refused, or nothing.
+            deactivate: Called to make it inactive.
+            shut_down: Called to end it, when it is inactive.
+        """
+        # What rclpy's mixin takes from the node that it is mixed with.
+        self.handle, self._services = node.handle, node._services
+        self.default_callback_group = node.default_callback_group
+        self._node, self._activate, self._deactivate = node, activate, deactivate
+        self._shut_down = shut_down
+        self.active = False
+        super().__init__()
+        self._change = self._service_change_state.callback
+        self._service_change_state.callback = self._on_change
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let the node act, if it can."""
+        try:
+            reason = self._activate()
+        except Exception as error:  # rclpy would hide it
+            reason = first_line(error)
+        if reason:
+            self._node.get_logger().warning(f'not activated: {reason}')
+            return TransitionCallbackReturn.FAILURE
+        self.active = True
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Let the node act no more."""
+        self.active = False
+        self._deactivate()
+        return TransitionCallbackReturn.SUCCESS
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """End the node."""
+        if self.active:
+            self.on_deactivate(state)
+        self._shut_down()
+        return TransitionCallbackReturn.SUCCESS
+
+    def _on_change(self, request: Any, response: Any) -> Any:
+        """Refuse a transition that the state does not have; rclpy would end the node."""
+        try:
+            return self._change(request, response)
+        except RCLError as error:
+            self._node.get_logger().warning(first_line(error))
+            response.success = False
+            return response
