@@ -188,7 +188,7 @@ def main() -> None:
     arguments = parser.parse_args()
     stop: list[int] = []
     signal.signal(signal.SIGTERM, lambda number, _: stop.append(number))
-    with middleware.transport(arguments.middleware):
+    with middleware.chosen_transport(arguments.middleware):
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = ROLES[arguments.role](arguments)
     while not (stop or node.matched()):

@@ -27,7 +27,7 @@ def _nothing_set(monkeypatch, tmp_path):
 def in_force(choice='udp'):
     """Text, and the variables that Fast DDS sees."""
     before = dict(os.environ)
-    with middleware.transport(choice) as text:
+    with middleware.chosen_transport(choice) as text:
         seen = {
             name: os.environ[name] for name in os.environ if os.environ[name] != before.get(name)
         }
@@ -60,7 +60,7 @@ def test_on_this_host_udp_takes_a_profile(variables, monkeypatch):
 
 
 def test_the_environment_is_as_before_after_an_error():
-    with pytest.raises(InputError), middleware.transport('udp'):
+    with pytest.raises(InputError), middleware.chosen_transport('udp'):
         raise InputError('wrong')
     assert TRANSPORTS not in os.environ
 
@@ -117,13 +117,13 @@ FILES = {
 def test_the_parameter_is_known_from_the_command_line(words, value, tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    assert middleware.asked(['node', *words.split()]) == value
+    assert middleware.asked_middleware(['node', *words.split()]) == value
 
 
 def test_a_value_that_comes_too_late_is_refused():
-    middleware.check('udp', 'udp')
+    middleware.check_middleware('udp', 'udp')
     with pytest.raises(InputError, match='-p middleware:=default'):
-        middleware.check('default', 'udp')
+        middleware.check_middleware('default', 'udp')
 
 
 @pytest.mark.parametrize(

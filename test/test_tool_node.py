@@ -6,8 +6,7 @@ import signal
 import pytest
 import rclpy
 
-from parallel_robot_model.nodes.middleware import TRANSPORTS
-from parallel_robot_model.nodes.tool_node import tool_node
+from parallel_robot_model.nodes.middleware import TRANSPORTS, tool_node
 
 pytest_plugins = ['ros_fixtures']
 

@@ -16,7 +16,7 @@ from rclpy.task import Future
 from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import InputError, RunError, printable
-from parallel_robot_model.nodes.tool_node import tool_node
+from parallel_robot_model.nodes.middleware import tool_node
 from parallel_robot_model.processes import realtime
 
 HEARD = 5.0  # s, in which a node must be heard

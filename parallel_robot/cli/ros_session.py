@@ -17,7 +17,7 @@ from parallel_robot_model.common.errors import RunError, printable
 from parallel_robot_model.configuration.plain_data import whole_number
 from parallel_robot_model.messages.topics import OUTPUTS
 from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
-from parallel_robot_model.nodes.tool_node import tool_node
+from parallel_robot_model.nodes.middleware import tool_node
 from parallel_robot_model.processes.node_processes import Work
 
 ANSWER_TIMEOUT = 0.2  # s, for a question that can be asked again

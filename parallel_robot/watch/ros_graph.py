@@ -29,7 +29,7 @@ from parallel_robot.watch.robots import Robot, Robots
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.connections import message_class
-from parallel_robot_model.nodes.tool_node import tool_node
+from parallel_robot_model.nodes.middleware import tool_node
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)
 ANSWER_TIMEOUT = 3.0  # s, for the answer of a node

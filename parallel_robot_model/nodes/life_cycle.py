@@ -110,11 +110,11 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
     sys.setswitchinterval(SWITCH)
     try:
         given = read_arguments(make, sys.argv, add_arguments)
-        transport_choice = middleware.asked(sys.argv)
-        with middleware.explained(), middleware.transport(transport_choice) as transport:
+        transport_choice = middleware.asked_middleware(sys.argv)
+        with middleware.explained(), middleware.chosen_transport(transport_choice) as transport:
             _initialise()
             node = make(**given)
-        middleware.check(node.loop.middleware, transport_choice)
+        middleware.check_middleware(node.loop.middleware, transport_choice)
     except ParallelRobotError as error:
         print(f'parallel_robot: {error}', file=sys.stderr)
         rclpy.try_shutdown()

@@ -10,12 +10,15 @@ import itertools
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
+import rclpy
 import yaml
 from rclpy._rclpy_pybind11 import RCLError
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier
 
 from parallel_robot_model.common.errors import InputError
@@ -43,7 +46,7 @@ HINTS = {  # by a part of what the middleware says
 USER_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it in the current directory
 
 
-def asked(words: Sequence[str]) -> str:
+def asked_middleware(words: Sequence[str]) -> str:
     """Value of the parameter ``middleware`` on a command line, else its default.
 
     The node's parameters are not known yet: rclpy reads them after it has made its participant.
@@ -60,7 +63,7 @@ def asked(words: Sequence[str]) -> str:
     return str(transport)
 
 
-def check(value: str, expected: str) -> None:
+def check_middleware(value: str, expected: str) -> None:
     """Refuse a value of ``middleware`` that was not seen when the transport was chosen.
 
     Raises:
@@ -93,7 +96,7 @@ def explained() -> Iterator[None]:
 
 
 @contextmanager
-def transport(choice: str) -> Iterator[str]:
+def chosen_transport(choice: str) -> Iterator[str]:
     """Set the transport of the participant that is made meanwhile.
 
     Args:
@@ -161,3 +164,27 @@ def _search(tree: Any) -> str:
         else:
             chosen = _search(branch) or chosen
     return chosen
+
+
+# The node of a command-line tool, which is in the ROS domain only for a while.
+
+
+@contextmanager
+def tool_node(name: str, transport: str = 'default', **options: Any) -> Iterator[Node]:
+    """Start rclpy and make a node; both end with the context. Signals remain the tool's own.
+
+    Args:
+        name: Name of the node.
+        transport: The parameter ``middleware``: ``'udp'`` or ``'default'``.
+        options: Of :func:`rclpy.create_node`.
+
+    Yields:
+        The node.
+    """
+    with ExitStack() as stack:
+        stack.callback(rclpy.try_shutdown)
+        with explained(), chosen_transport(transport):
+            rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+            node = rclpy.create_node(name, **options)
+        stack.callback(node.destroy_node)
+        yield node
