@@ -49,7 +49,7 @@ class CycleState(NamedTuple):
         last: What the cycle saw and did.
         excess: Torque of the law that the limits cut off [N m], shape (n,).
         held: Joint angles at the moment of the fault [rad], shape (n,).
-        fault: NONE or the number of the fault, see faults.py; it is latched.
+        fault: NONE or the number of the fault, see mechanism.py; it is latched.
         estimated: Estimates of filter and differentiator; not used without one.
         begins: What the next cycle begins: GOES_ON, START or BACK.
         lost: Whether the pose may be that of another assembly mode, see assembly_mode.py; it is

@@ -39,7 +39,7 @@ class ClosedLoopRun(NamedTuple):
         command: Torque computed from the state [N m]; NaN, as the next two, without an answer.
         sliding_variable: Sliding variable in the law's unit.
         coupled_error: e_c of the law [rad].
-        fault: Fault of the controller at the state, see faults.py, shape (N,).
+        fault: Fault of the controller at the state, see mechanism.py, shape (N,).
         acted: Bits of the limits that acted at the state, shape (N,).
         steps: Number of rows that were computed; fewer than N if the plant left its workspace.
         plant: State of the plant after the last command.

@@ -6,8 +6,13 @@ from mjcf_machines import MACHINES, closure_row, made, mujoco, samples
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.mechanisms.closing import close, close_roughly
-from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
-from parallel_robot_model.mechanisms.mechanism import COUPLING
+from parallel_robot_model.mechanisms.mechanism import (
+    COUPLING,
+    FOUND,
+    NOT_CLOSED,
+    NOT_FINITE,
+    SINGULAR,
+)
 from parallel_robot_model.mechanisms.moving import all_accelerations, rates
 from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import begin, workspace

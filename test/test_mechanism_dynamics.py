@@ -13,8 +13,8 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.mechanism import FOUND
 from parallel_robot_model.robots import planar_3rrr
 
 EVERY = pytest.mark.parametrize('name', MACHINES)

@@ -6,8 +6,8 @@ from mjcf_machines import MACHINES, made, samples
 
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.faults import FOUND
 from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.mechanism import FOUND
 from parallel_robot_model.mechanisms.moving import rates
 
 pin = pytest.importorskip('pinocchio', reason='pip install pin')

@@ -10,9 +10,14 @@ from scipy.spatial.transform import Rotation
 from test_serial_2r import ARM
 
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
 from parallel_robot_model.mechanisms.margins import keeps, margins
-from parallel_robot_model.mechanisms.mechanism import SLIDE
+from parallel_robot_model.mechanisms.mechanism import (
+    FOUND,
+    NOT_CLOSED,
+    NOT_FINITE,
+    SINGULAR,
+    SLIDE,
+)
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion, tool_pose

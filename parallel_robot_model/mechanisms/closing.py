@@ -15,8 +15,13 @@ from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closure_rates import bias, derive
 from parallel_robot_model.mechanisms.closures import errors, settle
 from parallel_robot_model.mechanisms.copying import clear, copy
-from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
-from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.mechanism import (
+    FOUND,
+    NOT_CLOSED,
+    NOT_FINITE,
+    SINGULAR,
+    Mechanism,
+)
 from parallel_robot_model.mechanisms.memory import (
     arrive,
     begin_at_memory,

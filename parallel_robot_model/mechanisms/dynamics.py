@@ -22,8 +22,7 @@ from parallel_robot_model.mechanisms.bodies import (
 )
 from parallel_robot_model.mechanisms.closure_rates import derive_rate
 from parallel_robot_model.mechanisms.copying import clear_matrix
-from parallel_robot_model.mechanisms.layout import HELD
-from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
 from parallel_robot_model.mechanisms.moving import motions, rates
 from parallel_robot_model.mechanisms.spatial import (
     Triple,

@@ -6,8 +6,7 @@ import math
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.layout import NO_COORDINATE
-from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, NO_COORDINATE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
     crossed,

@@ -23,9 +23,14 @@ from parallel_robot_model.mechanisms.closing import (
 from parallel_robot_model.mechanisms.closure_rates import derive
 from parallel_robot_model.mechanisms.closures import errors, settle
 from parallel_robot_model.mechanisms.copying import clear, copy
-from parallel_robot_model.mechanisms.faults import FOUND, NOT_CLOSED, NOT_FINITE, SINGULAR
 from parallel_robot_model.mechanisms.linear_solve import solve_vector
-from parallel_robot_model.mechanisms.mechanism import Mechanism
+from parallel_robot_model.mechanisms.mechanism import (
+    FOUND,
+    NOT_CLOSED,
+    NOT_FINITE,
+    SINGULAR,
+    Mechanism,
+)
 from parallel_robot_model.mechanisms.memory import (
     TRIES,
     arrive,

@@ -8,8 +8,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.copying import copy, copy_matrix
-from parallel_robot_model.mechanisms.faults import FOUND
-from parallel_robot_model.mechanisms.mechanism import Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
 from parallel_robot_model.mechanisms.memory import go_back
 from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.workspace import PLACED, Workspace

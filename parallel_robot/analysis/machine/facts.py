@@ -9,9 +9,9 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms import closing, dynamics, faults, margins, tool
+from parallel_robot_model.mechanisms import closing, dynamics, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.described.parameters import FAULTS
@@ -146,7 +146,7 @@ def facts_of(
     q = np.array(position, np.float64) if len(position) else work.q.copy()
     rate = np.array(velocity, np.float64) if len(velocity) else np.zeros(n)
     fault = closing.close(mechanism, work, q)
-    if fault != faults.FOUND:
+    if fault != FOUND:
         raise InputError(f'--state {q.tolist()}: {FAULTS[fault].text}')
     M, Q, gravity, pose = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
     dynamics.model(mechanism, work, rate, M, Q, gravity)

@@ -5,23 +5,23 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from parallel_robot_model.configuration.fields import Field, PerJoint, PerLink
-from parallel_robot_model.mechanisms import faults
+from parallel_robot_model.mechanisms import mechanism
 from parallel_robot_model.robots.contract import Fault
 
 TRAVEL, CLOSURE, TOOL = 4, 5, 6  # faults beside those of closing the loops
 FAULTS = {
-    faults.NOT_CLOSED: Fault('not_closed', 'the loops cannot be closed at these joints'),
-    faults.SINGULAR: Fault(
+    mechanism.NOT_CLOSED: Fault('not_closed', 'the loops cannot be closed at these joints'),
+    mechanism.SINGULAR: Fault(
         'assembly_mode', 'on the way to these joints the machine passes a singularity'
     ),
-    faults.NOT_FINITE: Fault('not_finite', 'a joint position is no number'),
+    mechanism.NOT_FINITE: Fault('not_finite', 'a joint position is no number'),
     TRAVEL: Fault('end_of_travel', 'a joint is close to an end of its travel'),
     CLOSURE: Fault(
         'closure_singularity', 'the passive joints are close to yielding (type 2 singularity)'
     ),
     TOOL: Fault('tool_singularity', 'the tool is close to losing a freedom (type 1 singularity)'),
 }
-NO_POSE = (faults.NOT_CLOSED, faults.SINGULAR, faults.NOT_FINITE)
+NO_POSE = (mechanism.NOT_CLOSED, mechanism.SINGULAR, mechanism.NOT_FINITE)
 
 
 class Parameters(NamedTuple):

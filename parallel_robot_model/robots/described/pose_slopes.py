@@ -13,8 +13,7 @@ import numpy as np
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motions
-from parallel_robot_model.mechanisms.faults import FOUND
-from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Index, Mechanism
 from parallel_robot_model.robots.described.parameters import FAULTS
 from parallel_robot_model.robots.described.shifting import loops
 

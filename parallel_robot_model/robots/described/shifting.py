@@ -9,8 +9,7 @@ import numpy as np
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.faults import FOUND
-from parallel_robot_model.mechanisms.mechanism import POINT, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import FOUND, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 
 SHORTEST = 2.0**-6  # of the shift, that is closed at once
