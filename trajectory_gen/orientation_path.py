@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms import quaternions
+from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.plane import length_of
 
@@ -48,7 +48,7 @@ def as_poses(robot: RobotModel, numbers: Sequence[float]) -> tuple[float, ...]:
         raise InputError('a quaternion in waypoints.points is zero', 'waypoints.points')
     home = orientations(robot.parameters, np.zeros((1, len(AXES))))
     back = home * np.array([-1.0, -1.0, -1.0, 1.0])
-    turned = quaternions.vectors_of(quaternions.product(points[:, 3:], back))
+    turned = spatial.vectors_of_quaternions(spatial.quaternion_product(points[:, 3:], back))
     return tuple(np.hstack([points[:, :3], continuous(turned)]).ravel().tolist())
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
 from parallel_robot_model.mechanisms.closures import points
-from parallel_robot_model.mechanisms.copying import clear, clear_matrix
 from parallel_robot_model.mechanisms.linear_solve import solve_columns, solve_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    clear,
+    clear_matrix,
     crossed,
     inner_product,
     minus,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.copying import clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    clear_matrix,
+    copy_matrix,
     crossed,
     in_world,
     inner_product,

@@ -21,11 +21,11 @@ from parallel_robot_model.mechanisms.bodies import (
     symmetric,
 )
 from parallel_robot_model.mechanisms.closure_rates import derive_rate
-from parallel_robot_model.mechanisms.copying import clear_matrix
 from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
 from parallel_robot_model.mechanisms.moving import motions, rates
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    clear_matrix,
     crossed,
     inner_product,
     minus,

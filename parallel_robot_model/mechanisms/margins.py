@@ -8,9 +8,9 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.copying import clear, clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.singular_values import evenness, is_as_even, trace
+from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy_matrix
 from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
 from parallel_robot_model.mechanisms.workspace import Workspace
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closure_rates import bias
-from parallel_robot_model.mechanisms.copying import clear
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
+    clear,
     crossed,
     plus,
     second_triple,

@@ -6,10 +6,9 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.mechanism import FOUND, SINGULAR, Mechanism
 from parallel_robot_model.mechanisms.moving import move
-from parallel_robot_model.mechanisms.spatial import Triple
+from parallel_robot_model.mechanisms.spatial import Triple, copy
 from parallel_robot_model.mechanisms.tool import (
     ROTATIONS,
     factor_tool,

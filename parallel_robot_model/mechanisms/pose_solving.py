@@ -22,7 +22,6 @@ from parallel_robot_model.mechanisms.closing import (
 )
 from parallel_robot_model.mechanisms.closure_rates import derive
 from parallel_robot_model.mechanisms.closures import errors, settle
-from parallel_robot_model.mechanisms.copying import clear, copy
 from parallel_robot_model.mechanisms.linear_solve import solve_vector
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
@@ -40,6 +39,7 @@ from parallel_robot_model.mechanisms.memory import (
     round_to_grid,
 )
 from parallel_robot_model.mechanisms.placing import place
+from parallel_robot_model.mechanisms.spatial import clear, copy
 from parallel_robot_model.mechanisms.tool import (
     factor_tool,
     follow,

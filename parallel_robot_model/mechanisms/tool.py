@@ -6,24 +6,23 @@ import math
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.copying import clear, clear_matrix
 from parallel_robot_model.mechanisms.linear_solve import factor, solve_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
-from parallel_robot_model.mechanisms.rotation import (
-    bending,
-    jacobian_rate,
-    rotation_vector,
-    vector_rate,
-    vector_rate_by,
-)
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    bending,
+    clear,
+    clear_matrix,
     crossed,
     in_world,
+    jacobian_rate,
     minus,
     plus,
+    rotation_vector,
     second_triple,
     triple,
+    vector_rate,
+    vector_rate_by,
     velocity,
 )
 from parallel_robot_model.mechanisms.workspace import Workspace

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.copying import copy_matrix
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
-from parallel_robot_model.mechanisms.rotation import rotation_vector, turn_by, vector_rate
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    copy_matrix,
     plus,
+    rotation_vector,
     second_triple,
     times,
     triple,
+    turn_by,
+    vector_rate,
     velocity,
 )
 from parallel_robot_model.mechanisms.tool import (

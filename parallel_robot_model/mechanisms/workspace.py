@@ -13,9 +13,9 @@ import numpy as np
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel
-from parallel_robot_model.mechanisms.copying import copy
 from parallel_robot_model.mechanisms.linear_solve import WIDTH, Factors, factors
 from parallel_robot_model.mechanisms.mechanism import Index, Layout, Mechanism, layout
+from parallel_robot_model.mechanisms.spatial import copy
 
 PLACED, SIGN, TOOL_SIGN = range(3)  # what `state` holds
 

@@ -136,7 +136,7 @@ def _rates(machine: Mechanism, moved: BodyMotions, coordinate: Index, pose: Arra
 def _vector_rate(x: Array, angular: Array) -> Array:
     """Rate of a rotation vector at angular velocities, shapes (K, 1, 3) and (K, L, 3).
 
-    See :func:`parallel_robot_model.mechanisms.rotation.vector_rate`.
+    See :func:`parallel_robot_model.mechanisms.spatial.vector_rate`.
     """
     angle = np.linalg.norm(x, axis=-1, keepdims=True)
     half = 0.5 * np.where(angle > SMALL, angle, 1.0)

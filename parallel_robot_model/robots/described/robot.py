@@ -12,7 +12,7 @@ from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
-from parallel_robot_model.mechanisms import quaternions
+from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
@@ -154,8 +154,8 @@ class DescribedRobot:
         for k, coordinate in enumerate(mechanism.coordinate):
             if coordinate >= 3:
                 vectors[:, coordinate - 3] = poses[:, k]
-        home = quaternions.of_matrix(mechanism.tool_home)
-        return quaternions.product(quaternions.of_vectors(vectors), home)
+        home = spatial.quaternion_of_matrix(mechanism.tool_home)
+        return spatial.quaternion_product(spatial.quaternions_of_vectors(vectors), home)
 
     def geometry(self, robot: Parameters) -> Geometry:
         """Where its joints lie, and where its loops close."""
