@@ -5,7 +5,6 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
 from parallel_robot_model.mechanisms.closures import points
-from parallel_robot_model.mechanisms.linear_solve import solve_columns, solve_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
@@ -19,7 +18,7 @@ from parallel_robot_model.mechanisms.spatial import (
     triple,
     velocity,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, solve_columns, solve_vector
 
 
 @inner

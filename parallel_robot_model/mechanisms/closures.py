@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.linear_solve import factor
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.spatial import (
@@ -20,7 +19,7 @@ from parallel_robot_model.mechanisms.spatial import (
     triple,
     velocity,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, factor
 
 
 @inner

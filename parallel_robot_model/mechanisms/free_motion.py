@@ -5,7 +5,6 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.bodies import momentum_of, place_bodies
-from parallel_robot_model.mechanisms.cholesky import solve_symmetric
 from parallel_robot_model.mechanisms.dynamics import reduce_matrix, reduce_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
 from parallel_robot_model.mechanisms.moving import move
@@ -19,7 +18,7 @@ from parallel_robot_model.mechanisms.spatial import (
     set_row,
     triple,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, solve_symmetric
 
 
 @kernel

@@ -22,7 +22,6 @@ from parallel_robot_model.mechanisms.closing import (
 )
 from parallel_robot_model.mechanisms.closure_rates import derive
 from parallel_robot_model.mechanisms.closures import errors, settle
-from parallel_robot_model.mechanisms.linear_solve import solve_vector
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
     NOT_CLOSED,
@@ -50,7 +49,7 @@ from parallel_robot_model.mechanisms.tool import (
     turning,
 )
 from parallel_robot_model.mechanisms.tool_way import add_tool_rate, aim, miss
-from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace
+from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace, solve_vector
 
 NEWTONS = 8  # corrections of a step
 SHORT = 2e-3  # of a way, in units of the joints, on which derivatives need not be written anew

@@ -6,7 +6,6 @@ import math
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.linear_solve import factor, solve_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
@@ -25,7 +24,7 @@ from parallel_robot_model.mechanisms.spatial import (
     vector_rate_by,
     velocity,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, factor, solve_vector
 
 ROTATIONS = 3  # the first coordinate of the rotation vector
 
