@@ -11,11 +11,11 @@ from mjcf_machines import MACHINES, made, samples
 
 from parallel_robot_model.compiler import INTERPRETED, Boxed, kernel
 from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closures import place
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.free_motion import acceleration
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.mechanism import FOUND, NO_COORDINATE, layout
-from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion

@@ -6,6 +6,7 @@ from mjcf_machines import MACHINES, closure_row, made, mujoco, samples
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.mechanisms.closing import close, close_roughly
+from parallel_robot_model.mechanisms.closures import all_accelerations, joint_rates
 from parallel_robot_model.mechanisms.mechanism import (
     COUPLING,
     FOUND,
@@ -13,7 +14,6 @@ from parallel_robot_model.mechanisms.mechanism import (
     NOT_FINITE,
     SINGULAR,
 )
-from parallel_robot_model.mechanisms.moving import all_accelerations, rates
 from parallel_robot_model.mechanisms.postures import frames, postures
 from parallel_robot_model.mechanisms.workspace import begin, workspace
 
@@ -162,7 +162,7 @@ def test_rates_keep_the_loops_closed(name):
     for q in samples(machine, 5):
         assert close(m, w, q) == FOUND
         velocity, acceleration = rng.normal(size=(2, machine.n))
-        rates(m, w, velocity)
+        joint_rates(m, w, velocity)
         rate, out = w.rate.copy(), np.zeros_like(w.all)
         data.qpos = w.all
         mujoco.mj_forward(model, data)

@@ -5,10 +5,10 @@ import pytest
 from mjcf_machines import MACHINES, made, samples
 
 from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closures import joint_rates
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.free_motion import acceleration
 from parallel_robot_model.mechanisms.mechanism import FOUND
-from parallel_robot_model.mechanisms.moving import rates
 
 pin = pytest.importorskip('pinocchio', reason='pip install pin')
 from pinocchio_tree import contacts, tree  # noqa: E402 needs it
@@ -50,7 +50,7 @@ def test_accelerations_are_those_of_pinocchio(name):
     out = np.zeros(machine.n)
     for q, v, torque in states(machine, 8):
         assert close(m, w, q) == FOUND
-        rates(m, w, v)
+        joint_rates(m, w, v)
         force = np.zeros(len(m.parent))
         force[m.actuated] = torque
         expected = pin.constraintDynamics(

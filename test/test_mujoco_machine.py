@@ -7,7 +7,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies import machine_verification
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.mechanisms import closing, free_motion, moving
+from parallel_robot_model.mechanisms import closing, closures, free_motion
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.configuration import configure_plant
@@ -56,7 +56,7 @@ def test_accelerations_are_those_of_mujoco(machine):
     found = np.zeros(n)
     velocity, torque = random.normal(size=(2, n))
     assert closing.close(mechanism, made, data.qpos[mechanism.actuated]) == closing.FOUND
-    moving.rates(mechanism, made, velocity)
+    closures.joint_rates(mechanism, made, velocity)
     data.qvel = made.rate
     data.qfrc_applied[mechanism.actuated] = torque
     mujoco.mj_forward(model, data)

@@ -9,8 +9,8 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closures import accelerations, all_accelerations
 from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
-from parallel_robot_model.mechanisms.moving import accelerations, all_accelerations
 from parallel_robot_model.mechanisms.workspace import Workspace, boxed
 
 

@@ -12,8 +12,15 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.closure_rates import bias, derive
-from parallel_robot_model.mechanisms.closures import errors, settle
+from parallel_robot_model.mechanisms.closures import (
+    accelerations,
+    bias,
+    derive,
+    errors,
+    motions,
+    place,
+    settle,
+)
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
     NOT_CLOSED,
@@ -28,8 +35,6 @@ from parallel_robot_model.mechanisms.memory import (
     go_back,
     remember,
 )
-from parallel_robot_model.mechanisms.moving import accelerations, motions
-from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.spatial import clear, copy
 from parallel_robot_model.mechanisms.tool import follow
 from parallel_robot_model.mechanisms.workspace import SIGN, Workspace

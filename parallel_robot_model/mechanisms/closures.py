@@ -2,24 +2,134 @@
 
 from __future__ import annotations
 
+import math
+
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT, Index, Mechanism
-from parallel_robot_model.mechanisms.placing import place
+from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.mechanism import (
+    BASE,
+    COUPLING,
+    HINGE,
+    NO_COORDINATE,
+    POINT,
+    Index,
+    Mechanism,
+)
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
+    clear,
     clear_matrix,
     copy_matrix,
     crossed,
     in_world,
     inner_product,
     minus,
+    plus,
     second_triple,
+    set_row,
     times,
     triple,
+    turned,
     velocity,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace, factor
+from parallel_robot_model.mechanisms.workspace import (
+    Workspace,
+    factor,
+    solve_columns,
+    solve_vector,
+)
+
+# Frames of all joints in the world, and the motions that each joint causes.
+
+NEXT = (1, 2, 0, 1)  # coordinate after each, and the one after that
+
+
+@inner
+def place(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write rotation, origin and S at the positions `trial`.
+
+    What would be multiplied by ones and zeros is left out: frames of joints mostly have the
+    directions of that before, or its origin, and an axis is mostly a coordinate axis.
+    """
+    parent, kind, along = mechanism.parent, mechanism.kind, workspace.layout.along
+    parallel, concentric = workspace.layout.parallel, workspace.layout.concentric
+    rotation, origin, S = workspace.rotation, workspace.origin, workspace.S
+    still = (0.0, 0.0, 0.0)
+    for i in range(len(parent)):
+        position = workspace.trial[i]
+        j = parent[i]
+        if j != BASE and concentric[i]:
+            offset = triple(origin, j)
+        else:
+            offset = in_world(rotation, origin, j, triple(mechanism.origin, i))
+        if j == BASE:
+            _copy(mechanism.rotation, i, rotation, i)
+        elif parallel[i]:
+            _copy(rotation, j, rotation, i)
+        else:
+            _multiply(rotation, j, mechanism.rotation, rotation, i)
+        k = along[i]
+        if k == NO_COORDINATE:
+            axis = turned(rotation, i, triple(mechanism.axis, i))
+        else:
+            axis = (rotation[i, 0, k], rotation[i, 1, k], rotation[i, 2, k])
+        if kind[i] != HINGE:
+            offset = plus(offset, times(axis, position))
+            set_row(S, i, still, axis)
+        else:
+            if k == NO_COORDINATE:
+                _turn(rotation, i, triple(mechanism.axis, i), position)
+            else:
+                _turn_coordinates(rotation, i, k, position)
+            set_row(S, i, axis, crossed(offset, axis))
+        origin[i, 0], origin[i, 1], origin[i, 2] = offset
+
+
+@inner
+def _copy(a: Array, j: int, out: Array, i: int) -> None:
+    """Copy matrix j of `a` to matrix i, shape (3, 3)."""
+    for row in range(3):
+        for k in range(3):
+            out[i, row, k] = a[j, row, k]
+
+
+@inner
+def _multiply(a: Array, j: int, b: Array, out: Array, i: int) -> None:
+    """Write the product of matrix j of `a` and matrix i of `b` to matrix i, shape (3, 3)."""
+    for row in range(3):
+        x, y, z = a[j, row, 0], a[j, row, 1], a[j, row, 2]
+        for k in range(3):
+            out[i, row, k] = x * b[i, 0, k] + y * b[i, 1, k] + z * b[i, 2, k]
+
+
+@inner
+def _turn(rotation: Array, i: int, axis: Triple, angle: float) -> None:
+    """Multiply rotation i by that about an axis of its own frame (Rodrigues)."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = axis
+    k = 1.0 - c
+    a, b, d = x * y * k, x * z * k, y * z * k
+    x_x, x_y, x_z = c + x * x * k, a - z * s, b + y * s
+    y_x, y_y, y_z = a + z * s, c + y * y * k, d - x * s
+    z_x, z_y, z_z = b - y * s, d + x * s, c + z * z * k
+    for row in range(3):
+        u, v, w = rotation[i, row, 0], rotation[i, row, 1], rotation[i, row, 2]
+        rotation[i, row, 0] = u * x_x + v * y_x + w * z_x
+        rotation[i, row, 1] = u * x_y + v * y_y + w * z_y
+        rotation[i, row, 2] = u * x_z + v * y_z + w * z_z
+
+
+@inner
+def _turn_coordinates(rotation: Array, i: int, k: int, angle: float) -> None:
+    """The same about coordinate axis k."""
+    c, s = math.cos(angle), math.sin(angle)
+    same = c + (1.0 - c)  # 1, but for rounding: the bits are those of any axis
+    a, b = NEXT[k], NEXT[k + 1]
+    for row in range(3):
+        u, v = rotation[i, row, a], rotation[i, row, b]
+        rotation[i, row, a] = u * c + v * s
+        rotation[i, row, b] = v * c - u * s
+        rotation[i, row, k] *= same
 
 
 @inner
@@ -143,3 +253,198 @@ def _unit(scale: Array, joint: int) -> float:
 def _add(out: Array, k: int, column: Index, joint: int, part: float) -> None:
     if joint != BASE and column[joint] >= 0:
         out[k, column[joint]] += part
+
+
+# Rates of the passive joints by those of the actuated ones, and their derivatives.
+
+
+@inner
+def derive(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write W, the rates of all joints by those of the actuated ones."""
+    right, jacobian, r = workspace.right, workspace.jacobian, len(workspace.error)
+    if r == 0:
+        return
+    for k in range(r):
+        for j in range(len(mechanism.actuated)):
+            right[k, j] = -jacobian[k, r + j]
+    solve_columns(workspace.factors, right)
+    _units(mechanism, workspace)
+    _spread(workspace, workspace.W)
+
+
+@inner
+def _units(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Take the units of the actuated joints out of the solution."""
+    for j in range(len(mechanism.actuated)):
+        unit = 1.0 / workspace.layout.scale[mechanism.actuated[j]]
+        if unit != 1.0:
+            for k in range(len(workspace.right)):
+                workspace.right[k, j] *= unit
+
+
+@inner
+def _spread(workspace: Workspace, out: Array) -> None:
+    """Write solutions to the rows of the passive joints."""
+    passive, right = workspace.layout.passive, workspace.right
+    for c in range(len(passive)):
+        unit = workspace.layout.scale[passive[c]]
+        for j in range(out.shape[1]):
+            out[passive[c], j] = unit * right[c, j]
+
+
+@inner
+def derive_rate(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write the derivative of W; the motions of the bodies are known."""
+    layout, S, S_rate, W = workspace.layout, workspace.S, workspace.S_rate, workspace.W
+    right, group, parent = workspace.right, layout.group, mechanism.parent
+    if len(right) == 0:
+        return
+    clear_matrix(right)
+    for g in range(len(group) - 1):
+        k = group[g]
+        if mechanism.closure[k] == COUPLING:
+            continue
+        point, other = points(mechanism, workspace, k)
+        for side in range(2):
+            i = mechanism.first[k] if side == 0 else mechanism.second[k]
+            x = point if side == 0 else other
+            if i == BASE:
+                continue
+            x_rate = velocity(triple(workspace.V, i), second_triple(workspace.V, i), x)
+            while i != BASE:
+                if layout.column[i] >= 0:
+                    motion = triple(S_rate, i)
+                    if mechanism.closure[k] == POINT:
+                        motion = velocity(motion, second_triple(S_rate, i), x)
+                        motion = plus(motion, crossed(triple(S, i), x_rate))
+                    for row in range(k, group[g + 1]):
+                        part = inner_product(triple(layout.normal, row), motion)
+                        if side == 0:
+                            part = -part
+                        for j in range(len(mechanism.actuated)):
+                            right[row, j] += part * W[i, j]
+                i = parent[i]
+    solve_columns(workspace.factors, right)
+    _spread(workspace, workspace.W_rate)
+
+
+@inner
+def bias(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
+    """Write the accelerations of all joints at no acceleration of the actuated ones.
+
+    `A` holds the accelerations of the bodies at none of any joint.
+    """
+    layout, single, group = workspace.layout, workspace.single, workspace.layout.group
+    clear(out)
+    if len(single) == 0:
+        return
+    for g in range(len(group) - 1):
+        k = group[g]
+        if mechanism.closure[k] == COUPLING:
+            single[k] = 0.0
+            continue
+        point, other = points(mechanism, workspace, k)
+        is_point = mechanism.closure[k] == POINT
+        apart = minus(
+            _acceleration(workspace, mechanism.second[k], other, is_point),
+            _acceleration(workspace, mechanism.first[k], point, is_point),
+        )
+        for row in range(k, group[g + 1]):
+            single[row] = inner_product(triple(layout.normal, row), apart)
+    solve_vector(workspace.factors, single)
+    for c in range(len(layout.passive)):
+        out[layout.passive[c]] = layout.scale[layout.passive[c]] * single[c]
+
+
+@inner
+def _acceleration(workspace: Workspace, i: int, x: Triple, is_point: bool) -> Triple:
+    """Acceleration of a point of body i, or of its rotation."""
+    if i == BASE:
+        return 0.0, 0.0, 0.0
+    V, A = workspace.V, workspace.A
+    angular = triple(A, i)
+    if not is_point:
+        return angular
+    turning = triple(V, i)
+    own = velocity(angular, second_triple(A, i), x)
+    return plus(own, crossed(turning, velocity(turning, second_triple(V, i), x)))
+
+
+# Motions of the joints and bodies at rates of the actuated joints.
+
+
+@kernel
+def joint_rates(mechanism: Mechanism, workspace: Workspace, velocity: Array) -> None:
+    """Write `rate`, the rates of all joints, at those of the actuated ones, shape (n,)."""
+    W, rate = workspace.W, workspace.rate
+    for i in range(len(rate)):
+        total = 0.0
+        for j in range(len(velocity)):
+            total += W[i, j] * velocity[j]
+        rate[i] = total
+
+
+@inner
+def motions(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
+    """Write V and S_rate at the rates of all joints, shape (N,)."""
+    parent, S, V, S_rate = mechanism.parent, workspace.S, workspace.V, workspace.S_rate
+    for i in range(len(parent)):
+        j = parent[i]
+        turn, slide = triple(S, i), second_triple(S, i)
+        angular, linear = times(turn, rate[i]), times(slide, rate[i])
+        if j != BASE:
+            angular, linear = plus(triple(V, j), angular), plus(second_triple(V, j), linear)
+        set_row(V, i, angular, linear)
+        moved = plus(crossed(linear, turn), crossed(angular, slide))
+        set_row(S_rate, i, crossed(angular, turn), moved)
+
+
+@inner
+def accelerations(
+    mechanism: Mechanism, workspace: Workspace, rate: Array, acceleration: Array
+) -> None:
+    """Write A at rates and accelerations of all joints, shape (N,); V and S_rate are known."""
+    parent, S, S_rate, A = mechanism.parent, workspace.S, workspace.S_rate, workspace.A
+    for i in range(len(parent)):
+        j = parent[i]
+        angular = plus(times(triple(S_rate, i), rate[i]), times(triple(S, i), acceleration[i]))
+        linear = plus(
+            times(second_triple(S_rate, i), rate[i]),
+            times(second_triple(S, i), acceleration[i]),
+        )
+        if j != BASE:
+            angular, linear = plus(triple(A, j), angular), plus(second_triple(A, j), linear)
+        set_row(A, i, angular, linear)
+
+
+@inner
+def move(mechanism: Mechanism, workspace: Workspace, velocity: Array) -> None:
+    """Write all rates, motions, and accelerations at none of the actuated joints."""
+    joint_rates(mechanism, workspace, velocity)
+    motions(mechanism, workspace, workspace.rate)
+    clear(workspace.bias)
+    accelerations(mechanism, workspace, workspace.rate, workspace.bias)
+    bias(mechanism, workspace, workspace.bias)
+    accelerations(mechanism, workspace, workspace.rate, workspace.bias)
+
+
+@kernel
+def all_accelerations(
+    mechanism: Mechanism, workspace: Workspace, velocity: Array, acceleration: Array, out: Array
+) -> None:
+    """Write the accelerations of all joints, shape (N,), and their rates to `rate`.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace, at a closed posture.
+        velocity: Rates of the actuated joints [rad/s or m/s], shape (n,).
+        acceleration: Their accelerations, shape (n,).
+        out: Accelerations of all joints, shape (N,).
+    """
+    move(mechanism, workspace, velocity)
+    W = workspace.W
+    for i in range(len(out)):
+        total = workspace.bias[i]
+        for j in range(len(acceleration)):
+            total += W[i, j] * acceleration[j]
+        out[i] = total

@@ -20,9 +20,8 @@ from parallel_robot_model.mechanisms.bodies import (
     place_momenta,
     symmetric,
 )
-from parallel_robot_model.mechanisms.closure_rates import derive_rate
+from parallel_robot_model.mechanisms.closures import derive_rate, joint_rates, motions
 from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
-from parallel_robot_model.mechanisms.moving import motions, rates
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
     clear_matrix,
@@ -56,7 +55,7 @@ def model(
         Q: Coriolis and centrifugal matrix, shape (n, n); Mdot - 2 Q is skew-symmetric.
         gravity: Torque or force that holds the machine still [N m or N], shape (n,).
     """
-    rates(mechanism, workspace, velocity)
+    joint_rates(mechanism, workspace, velocity)
     motions(mechanism, workspace, workspace.rate)
     derive_rate(mechanism, workspace)
     place_bodies(mechanism, workspace)

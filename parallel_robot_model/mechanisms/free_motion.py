@@ -5,9 +5,9 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.bodies import momentum_of, place_bodies
+from parallel_robot_model.mechanisms.closures import move
 from parallel_robot_model.mechanisms.dynamics import reduce_matrix, reduce_vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
-from parallel_robot_model.mechanisms.moving import move
 from parallel_robot_model.mechanisms.spatial import (
     clear_matrix,
     crossed,

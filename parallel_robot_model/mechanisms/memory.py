@@ -11,10 +11,8 @@ import math
 import numpy as np
 
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.closure_rates import derive
-from parallel_robot_model.mechanisms.closures import settle
+from parallel_robot_model.mechanisms.closures import derive, place, settle
 from parallel_robot_model.mechanisms.mechanism import FOUND, NOT_CLOSED, SINGULAR, Index, Mechanism
-from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.spatial import copy
 from parallel_robot_model.mechanisms.tool import follow
 from parallel_robot_model.mechanisms.workspace import PLACED, SIGN, Workspace, solve_vector

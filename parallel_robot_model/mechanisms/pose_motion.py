@@ -6,8 +6,8 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.closures import move
 from parallel_robot_model.mechanisms.mechanism import FOUND, SINGULAR, Mechanism
-from parallel_robot_model.mechanisms.moving import move
 from parallel_robot_model.mechanisms.spatial import Triple, copy
 from parallel_robot_model.mechanisms.tool import (
     ROTATIONS,

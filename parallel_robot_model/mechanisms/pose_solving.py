@@ -20,8 +20,7 @@ from parallel_robot_model.mechanisms.closing import (
     close,
     finite,
 )
-from parallel_robot_model.mechanisms.closure_rates import derive
-from parallel_robot_model.mechanisms.closures import errors, settle
+from parallel_robot_model.mechanisms.closures import derive, errors, place, settle
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
     NOT_CLOSED,
@@ -37,7 +36,6 @@ from parallel_robot_model.mechanisms.memory import (
     remember,
     round_to_grid,
 )
-from parallel_robot_model.mechanisms.placing import place
 from parallel_robot_model.mechanisms.spatial import clear, copy
 from parallel_robot_model.mechanisms.tool import (
     factor_tool,
