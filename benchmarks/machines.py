@@ -24,8 +24,7 @@ import parallel_robot as pr
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.margins import margins
 
 sys.path.append(str(checkout.ROOT / 'test'))
@@ -52,7 +51,7 @@ def postures_and_models(m: Any, w: Any, q: Array, v: Array, out: Array) -> None:
 def accelerations(m: Any, w: Any, q: Array, v: Array, out: Array) -> None:
     """Acceleration at one posture and the rates of each sample."""
     for k in range(len(q)):
-        acceleration(m, w, v[k], out[0, 0], out[1, 0])
+        free_acceleration(m, w, v[k], out[0, 0], out[1, 0])
 
 
 @kernel

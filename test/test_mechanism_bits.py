@@ -12,8 +12,7 @@ from mjcf_machines import MACHINES, made, samples
 from parallel_robot_model.compiler import INTERPRETED, Boxed, kernel
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.closures import place
-from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.mechanism import FOUND, NO_COORDINATE, layout
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
@@ -33,7 +32,7 @@ def numbers(name):
         M, Q, gravity, a, pose, rate = *np.zeros((2, n, n)), *np.zeros((4, n))
         assert close(m, w, q) == FOUND
         model(m, w, v, M, Q, gravity)
-        acceleration(m, w, v, torque, a)
+        free_acceleration(m, w, v, torque, a)
         tool_motion(m, w, v, pose, rate)
         found += [M, Q, gravity, a, pose, rate, w.all.copy(), margins(m, w)]
         assert solve_pose(m, w, pose + 1e-3) == FOUND

@@ -12,8 +12,7 @@ from vectors import OnVectors
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.mechanism import FOUND
 from parallel_robot_model.robots import planar_3rrr
 
@@ -31,7 +30,7 @@ def model_at(boxed, q, velocity):
 
 def accelerated(boxed, velocity, torque):
     out = np.zeros_like(velocity)
-    acceleration(*boxed, velocity, torque, out)
+    free_acceleration(*boxed, velocity, torque, out)
     return out
 
 
@@ -138,7 +137,7 @@ def swing(m, w, q: Array, v: Array, spring: Array, steps: int, dt: float, room: 
             if fault != FOUND:
                 return fault
             torque[:] = spring[2] - spring[0] * (q - spring[1])
-            acceleration(m, w, v, torque, a)
+            free_acceleration(m, w, v, torque, a)
             share = dt / 6.0 if stage in (0, 3) else dt / 3.0
             q_sum += share * v
             v_sum += share * a

@@ -6,8 +6,7 @@ from mjcf_machines import MACHINES, made, samples
 
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.closures import joint_rates
-from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.free_motion import acceleration
+from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.mechanism import FOUND
 
 pin = pytest.importorskip('pinocchio', reason='pip install pin')
@@ -56,6 +55,6 @@ def test_accelerations_are_those_of_pinocchio(name):
         expected = pin.constraintDynamics(
             known, data, w.all, np.array(w.rate), force, loops, loop_data, settings
         )
-        acceleration(m, w, v, torque, out)
+        free_acceleration(m, w, v, torque, out)
         size = max(1.0, np.abs(expected).max())
         np.testing.assert_allclose(out, expected[m.actuated], rtol=0.0, atol=1e-7 * size)

@@ -7,7 +7,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies import machine_verification
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.mechanisms import closing, closures, free_motion
+from parallel_robot_model.mechanisms import closing, closures, dynamics
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_sim.configuration import configure_plant
@@ -61,7 +61,7 @@ def test_accelerations_are_those_of_mujoco(machine):
     data.qfrc_applied[mechanism.actuated] = torque
     mujoco.mj_forward(model, data)
     assert np.abs(data.efc_pos).max(initial=0.0) < 1e-12  # the loops of the file are closed
-    free_motion.acceleration(mechanism, made, velocity, torque, found)
+    dynamics.free_acceleration(mechanism, made, velocity, torque, found)
     size = np.abs(found).max()
     assert np.abs(data.qacc[mechanism.actuated] - found).max() < 1e-6 * size
 

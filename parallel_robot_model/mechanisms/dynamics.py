@@ -12,28 +12,120 @@ Source:
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.bodies import (
-    momentum_of,
-    place_bodies,
-    place_momenta,
-    symmetric,
+from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closures import (
+    accelerations,
+    all_accelerations,
+    derive_rate,
+    joint_rates,
+    motions,
+    move,
 )
-from parallel_robot_model.mechanisms.closures import derive_rate, joint_rates, motions
-from parallel_robot_model.mechanisms.mechanism import BASE, HELD, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HELD, Index, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
     clear_matrix,
     crossed,
+    in_world,
     inner_product,
     minus,
     plus,
     second_triple,
+    set_row,
     times,
     triple,
 )
-from parallel_robot_model.mechanisms.workspace import Workspace
+from parallel_robot_model.mechanisms.workspace import Workspace, boxed, solve_symmetric
+
+# Inertia of the bodies in the world, about its origin; composite ones are sums.
+#
+# Of a body with mass m, first moments h, second moments J that moves with V = (w, u): linear
+# momentum f = m u + w x h, angular momentum n = J w + h x u, and half the derivative of J, D.
+
+
+@inner
+def place_bodies(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write `inertia` of each body: m, h, J by its rows xx xy xz yy yz zz."""
+    out, rotation = workspace.inertia, workspace.rotation
+    for i in range(len(mechanism.mass)):
+        mass = mechanism.mass[i]
+        x, y, z = in_world(rotation, workspace.origin, i, triple(mechanism.centre, i))
+        R, own = rotation[i], mechanism.inertia[i]
+        out[i, 0] = mass
+        out[i, 1], out[i, 2], out[i, 3] = mass * x, mass * y, mass * z
+        a = _times_rows(own, R[0, 0], R[0, 1], R[0, 2])
+        b = _times_rows(own, R[1, 0], R[1, 1], R[1, 2])
+        c = _times_rows(own, R[2, 0], R[2, 1], R[2, 2])
+        out[i, 4] = _row(R, 0, a) + mass * (y * y + z * z)
+        out[i, 5] = _row(R, 1, a) - mass * x * y
+        out[i, 6] = _row(R, 2, a) - mass * x * z
+        out[i, 7] = _row(R, 1, b) + mass * (x * x + z * z)
+        out[i, 8] = _row(R, 2, b) - mass * y * z
+        out[i, 9] = _row(R, 2, c) + mass * (x * x + y * y)
+
+
+@inner
+def _times_rows(a: Array, x: float, y: float, z: float) -> Triple:
+    """A symmetric matrix times a vector."""
+    return (
+        a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
+        a[1, 0] * x + a[1, 1] * y + a[1, 2] * z,
+        a[2, 0] * x + a[2, 1] * y + a[2, 2] * z,
+    )
+
+
+@inner
+def _row(R: Array, i: int, x: Triple) -> float:
+    return R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
+
+
+@inner
+def symmetric(x: Array, i: int, k: int, a: Triple) -> Triple:
+    """The symmetric matrix in row i from element k, times a vector."""
+    return (
+        x[i, k] * a[0] + x[i, k + 1] * a[1] + x[i, k + 2] * a[2],
+        x[i, k + 1] * a[0] + x[i, k + 3] * a[1] + x[i, k + 4] * a[2],
+        x[i, k + 2] * a[0] + x[i, k + 4] * a[1] + x[i, k + 5] * a[2],
+    )
+
+
+@inner
+def momentum_of(inertia: Array, i: int, turn: Triple, slide: Triple) -> tuple[Triple, Triple]:
+    """Angular and linear momentum of body i in a motion."""
+    h = (inertia[i, 1], inertia[i, 2], inertia[i, 3])
+    return (
+        plus(symmetric(inertia, i, 4, turn), crossed(h, slide)),
+        plus(times(slide, inertia[i, 0]), crossed(turn, h)),
+    )
+
+
+@inner
+def place_momenta(workspace: Workspace) -> None:
+    """Write `momentum` of each body: D by its rows xx xy xz yy yz zz, n, f."""
+    inertia, out = workspace.inertia, workspace.momentum
+    for i in range(len(inertia)):
+        w, u = triple(workspace.V, i), second_triple(workspace.V, i)
+        n, f = momentum_of(inertia, i, w, u)
+        h = (inertia[i, 1], inertia[i, 2], inertia[i, 3])
+        # D = sym(w x J) - sym(h u^T) + (h u) 1
+        a = crossed(w, (inertia[i, 4], inertia[i, 5], inertia[i, 6]))
+        b = crossed(w, (inertia[i, 5], inertia[i, 7], inertia[i, 8]))
+        c = crossed(w, (inertia[i, 6], inertia[i, 8], inertia[i, 9]))
+        along = inner_product(h, u)
+        out[i, 0] = a[0] - h[0] * u[0] + along
+        out[i, 1] = 0.5 * (a[1] + b[0] - h[0] * u[1] - h[1] * u[0])
+        out[i, 2] = 0.5 * (a[2] + c[0] - h[0] * u[2] - h[2] * u[0])
+        out[i, 3] = b[1] - h[1] * u[1] + along
+        out[i, 4] = 0.5 * (b[2] + c[1] - h[1] * u[2] - h[2] * u[1])
+        out[i, 5] = c[2] - h[2] * u[2] + along
+        out[i, 6], out[i, 7], out[i, 8] = n
+        out[i, 9], out[i, 10], out[i, 11] = f
 
 
 @kernel
@@ -154,3 +246,158 @@ def reduce_vector(mechanism: Mechanism, workspace: Workspace, x: Array, out: Arr
         for c in range(len(passive)):
             total += W[passive[c], a] * x[passive[c]]
         out[a] = total
+
+
+# Accelerations of the actuated joints under torques, without the Coriolis matrix.
+
+
+@kernel
+def free_acceleration(
+    mechanism: Mechanism, workspace: Workspace, velocity: Array, torque: Array, out: Array
+) -> None:
+    """Write the accelerations of the actuated joints at the closed posture.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace.
+        velocity: Rates of the actuated joints [rad/s or m/s], shape (n,).
+        torque: Torques or forces at them [N m or N], shape (n,).
+        out: Their accelerations [rad/s^2 or m/s^2], shape (n,); not finite where the inertia
+            matrix is not positive definite.
+    """
+    move(mechanism, workspace, velocity)
+    place_bodies(mechanism, workspace)
+    _forces(mechanism, workspace)
+    reduce_vector(mechanism, workspace, workspace.load, out)
+    for j in range(len(out)):
+        out[j] = torque[j] - out[j]
+    _free_products(mechanism, workspace)
+    reduce_matrix(mechanism, workspace, workspace.MW, workspace.inertia_matrix)
+    solve_symmetric(workspace.inertia_matrix, out)
+
+
+@inner
+def _forces(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write the forces of all joints at the motion of the bodies, by Newton and Euler."""
+    V, A, inertia, force = workspace.V, workspace.A, workspace.inertia, workspace.force
+    parent, load = mechanism.parent, workspace.load
+    down = (mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2])
+    for i in range(len(parent)):
+        turning, moving = triple(V, i), second_triple(V, i)
+        n, f = momentum_of(inertia, i, turning, moving)
+        n_rate, f_rate = momentum_of(inertia, i, triple(A, i), minus(second_triple(A, i), down))
+        n_bent = plus(crossed(turning, n), crossed(moving, f))
+        set_row(force, i, plus(n_rate, n_bent), plus(f_rate, crossed(turning, f)))
+    for i in range(len(parent) - 1, -1, -1):
+        turn, slide = triple(workspace.S, i), second_triple(workspace.S, i)
+        load[i] = inner_product(turn, triple(force, i)) + inner_product(
+            slide, second_triple(force, i)
+        )
+        load[i] += mechanism.armature[i] * workspace.bias[i]
+        j = parent[i]
+        if j != BASE:
+            for k in range(6):
+                force[j, k] += force[i, k]
+
+
+@inner
+def _free_products(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Write MW; bodies become composite ones."""
+    S, inertia, W, MW = workspace.S, workspace.inertia, workspace.W, workspace.MW
+    parent, column, n = mechanism.parent, workspace.layout.column, W.shape[1]
+    clear_matrix(MW)
+    for i in range(len(parent) - 1, -1, -1):
+        if column[i] != HELD:
+            n_own, f_own = momentum_of(inertia, i, triple(S, i), second_triple(S, i))
+            j = i
+            while j != BASE:
+                if column[j] != HELD:
+                    m_ij = inner_product(triple(S, j), n_own) + inner_product(
+                        second_triple(S, j), f_own
+                    )
+                    if i == j:
+                        m_ij += mechanism.armature[i]
+                    for k in range(n):
+                        MW[i, k] += m_ij * W[j, k]
+                    if i != j:
+                        for k in range(n):
+                            MW[j, k] += m_ij * W[i, k]
+                j = parent[j]
+        j = parent[i]
+        if j != BASE:
+            for k in range(10):
+                inertia[j, k] += inertia[i, k]
+
+
+# Motions of all bodies over many samples, for equations that are set up outside kernels.
+
+
+class BodyMotions(NamedTuple):
+    """Motions of N bodies at K samples; spatial vectors are angular, then linear at the origin.
+
+    Attributes:
+        fault: FOUND or a fault of each sample, shape (K,).
+        rotation: Frames of the bodies in the world, shape (K, N, 3, 3).
+        origin: Their origins [m], shape (K, N, 3).
+        S: Motion by each joint in the world, shape (K, N, 6).
+        W: Rates of all joints by those of the actuated ones, shape (K, N, n).
+        V: Velocities of the bodies, shape (K, N, 6).
+        A: Their accelerations, shape (K, N, 6).
+        joint: Accelerations of the joints, shape (K, N).
+    """
+
+    fault: Index
+    rotation: Array
+    origin: Array
+    S: Array
+    W: Array
+    V: Array
+    A: Array
+    joint: Array
+
+
+def body_motions(
+    mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array
+) -> BodyMotions:
+    """Motions of the bodies at positions, rates and accelerations of the actuated joints, (K, n).
+
+    Each posture is looked for from the one before, the first from home.
+    """
+    (K, n), N = position.shape, len(mechanism.parent)
+    shapes = (N, 3, 3), (N, 3), (N, 6), (N, n), (N, 6), (N, 6), (N,)
+    out = BodyMotions(np.zeros(K, np.int64), *(np.zeros((K, *shape)) for shape in shapes))
+    q, rate, change = (
+        np.ascontiguousarray(x, np.float64) for x in (position, velocity, acceleration)
+    )
+    _record(*boxed(mechanism), q, rate, change, out)
+    return out
+
+
+@kernel
+def _record(
+    mechanism: Mechanism,
+    workspace: Workspace,
+    position: Array,
+    velocity: Array,
+    acceleration: Array,
+    out: BodyMotions,
+) -> None:
+    """Write the motions sample by sample."""
+    for k in range(len(position)):
+        out.fault[k] = close(mechanism, workspace, position[k])
+        if out.fault[k] != FOUND:
+            continue
+        joint = out.joint[k]
+        all_accelerations(mechanism, workspace, velocity[k], acceleration[k], joint)
+        accelerations(mechanism, workspace, workspace.rate, joint)
+        for i in range(len(joint)):
+            for a in range(3):
+                out.origin[k, i, a] = workspace.origin[i, a]
+                for b in range(3):
+                    out.rotation[k, i, a, b] = workspace.rotation[i, a, b]
+            for a in range(6):
+                out.S[k, i, a] = workspace.S[i, a]
+                out.V[k, i, a] = workspace.V[i, a]
+                out.A[k, i, a] = workspace.A[i, a]
+            for j in range(velocity.shape[1]):
+                out.W[k, i, j] = workspace.W[i, j]

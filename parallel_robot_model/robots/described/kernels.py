@@ -12,7 +12,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
-from parallel_robot_model.mechanisms import closing, dynamics, free_motion, tool
+from parallel_robot_model.mechanisms import closing, dynamics, tool
 from parallel_robot_model.mechanisms.margins import keeps, travel_left
 from parallel_robot_model.mechanisms.margins import margins as margins_of
 from parallel_robot_model.mechanisms.pose_motion import pose_motion
@@ -131,7 +131,7 @@ def acceleration(
     rows = robot.rows
     write_row(rows, 1, rate)
     write_row(rows, 2, net_torque(load, torque, rate, time))
-    free_motion.acceleration(robot.mechanism, robot.workspace, rows[1], rows[2], rows[3])
+    dynamics.free_acceleration(robot.mechanism, robot.workspace, rows[1], rows[2], rows[3])
     return read_row(rows, 3, position)
 
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from parallel_robot_model.common.errors import KinematicsError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.description.machine import Machine
+from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HINGE, Mechanism
 from parallel_robot_model.robots.described.masses import masses
 from parallel_robot_model.robots.described.parameters import FAULTS, Parameters

@@ -12,7 +12,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.body_motions import BodyMotions, body_motions
+from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Index, Mechanism
 from parallel_robot_model.robots.described.parameters import FAULTS
 from parallel_robot_model.robots.described.shifting import loops
