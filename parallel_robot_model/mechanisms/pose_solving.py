@@ -38,15 +38,17 @@ from parallel_robot_model.mechanisms.memory import (
 )
 from parallel_robot_model.mechanisms.spatial import clear, copy
 from parallel_robot_model.mechanisms.tool import (
+    add_tool_rate,
+    aim,
     factor_tool,
     follow,
+    miss,
     place_tool,
     solve_tool,
     tool_jacobian,
     tool_unit,
     turning,
 )
-from parallel_robot_model.mechanisms.tool_way import add_tool_rate, aim, miss
 from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace, solve_vector
 
 NEWTONS = 8  # corrections of a step
