@@ -14,7 +14,7 @@ from parallel_robot_model.compiler import Space
 from parallel_robot_model.configuration.fields import Field, PerJoint, check
 from parallel_robot_sim.drives import Drive
 
-KINDS = 9  # of vectors that the plant remembers, see memory.py
+KINDS = 9  # of vectors that the plant remembers, see closing.py
 MAX_DELAY = 0.1  # s, of a delay
 ENCODERS = 'sensor.resolution', 'sensor.counts_per_turn'  # what positions in steps come from
 
@@ -103,7 +103,7 @@ class Imperfections(NamedTuple):
         actuator: What the motors make of the commands.
         load: Disturbances.
         drive: Gears and bristles.
-        memory: Address of the space for what the plant remembers, see memory.py.
+        memory: Address of the space for what the plant remembers, see closing.py.
         draws: Address of the space for random numbers.
     """
 

@@ -17,8 +17,14 @@ from parallel_robot_model.mechanisms.closing import (
     NEAR,
     NOISE,
     SHORTEST,
+    TRIES,
+    arrive,
+    begin_at_memory,
     close,
     finite,
+    go_back,
+    remember,
+    round_to_grid,
 )
 from parallel_robot_model.mechanisms.closures import derive, errors, place, settle
 from parallel_robot_model.mechanisms.mechanism import (
@@ -27,14 +33,6 @@ from parallel_robot_model.mechanisms.mechanism import (
     NOT_FINITE,
     SINGULAR,
     Mechanism,
-)
-from parallel_robot_model.mechanisms.memory import (
-    TRIES,
-    arrive,
-    begin_at_memory,
-    go_back,
-    remember,
-    round_to_grid,
 )
 from parallel_robot_model.mechanisms.spatial import clear, copy
 from parallel_robot_model.mechanisms.tool import (

@@ -6,10 +6,9 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closing import close, go_back
 from parallel_robot_model.mechanisms.closures import place
 from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
-from parallel_robot_model.mechanisms.memory import go_back
 from parallel_robot_model.mechanisms.spatial import copy, copy_matrix
 from parallel_robot_model.mechanisms.workspace import PLACED, Workspace
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.mechanisms.closing import go_back
 from parallel_robot_model.mechanisms.margins import margins, travel_left
 from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
-from parallel_robot_model.mechanisms.memory import go_back
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.spatial import copy
 from parallel_robot_model.mechanisms.workspace import Workspace
