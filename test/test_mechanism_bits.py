@@ -15,8 +15,7 @@ from parallel_robot_model.mechanisms.closures import place
 from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.mechanism import FOUND, NO_COORDINATE, layout
-from parallel_robot_model.mechanisms.pose_motion import pose_motion
-from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion
 
 WORDS = 'import sys; from test_mechanism_bits import save; save(sys.argv[1])'

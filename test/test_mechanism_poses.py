@@ -18,8 +18,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     SINGULAR,
     SLIDE,
 )
-from parallel_robot_model.mechanisms.pose_motion import pose_motion
-from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion, tool_pose
 from parallel_robot_model.mechanisms.workspace import begin
 

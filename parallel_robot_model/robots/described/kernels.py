@@ -15,8 +15,7 @@ from parallel_robot_model.compiler import inner, kernel, read_row, vector, write
 from parallel_robot_model.mechanisms import closing, dynamics, tool
 from parallel_robot_model.mechanisms.margins import keeps, travel_left
 from parallel_robot_model.mechanisms.margins import margins as margins_of
-from parallel_robot_model.mechanisms.pose_motion import pose_motion
-from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
 from parallel_robot_model.robots.contract import (
     FOUND,
     REACHED,
