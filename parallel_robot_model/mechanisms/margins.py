@@ -8,11 +8,152 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.mechanisms.singular_values import evenness, is_as_even, trace
-from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy_matrix
+from parallel_robot_model.mechanisms.closing import go_back
+from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
+from parallel_robot_model.mechanisms.pose_solving import solve_pose
+from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy, copy_matrix
 from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
 from parallel_robot_model.mechanisms.workspace import Workspace
+
+# The smallest singular value of a small matrix, from the eigenvalues of its Gram matrix.
+
+ITERATIONS = 20  # four are usual
+ENOUGH = 1e-3  # relative step, the cube of which is the error that is left
+
+
+@inner
+def evenness(gram: Array, tridiagonal: Array) -> float:
+    """The smallest singular value over the root mean square of all: 1 if they are equal.
+
+    Args:
+        gram: A^T A, shape (k, k), of which the lower triangle is read, and overwritten.
+        tridiagonal: Room for four vectors, shape (4, k) or larger.
+
+    Returns:
+        A number from 0 to 1, with an error of some 1e-8.
+    """
+    k, total = len(gram), trace(gram)
+    if not total > 0.0:
+        return 0.0
+    _make_tridiagonal(gram, tridiagonal)
+    smallest = _smallest_eigenvalue(tridiagonal, k, 1e-16 * total)
+    return math.sqrt(min(1.0, max(0.0, k * smallest / total)))
+
+
+@inner
+def is_as_even(gram: Array, share: float) -> bool:
+    """Whether `evenness` is at least a share above 0, in a third of its time.
+
+    It is if A^T A, less a multiple of the identity, has only positive pivots.
+
+    Args:
+        gram: A^T A, shape (k, k), of which the lower triangle is read, and overwritten.
+        share: The share; where it is 0 or less, only numbers are asked for.
+    """
+    k, total = len(gram), trace(gram)
+    if share <= 0.0:
+        return total >= 0.0
+    less = share * share * total / k
+    for c in range(k - 1, -1, -1):
+        pivot = gram[c, c] - less
+        if not pivot > 0.0:
+            return False
+        for i in range(c):
+            if gram[c, i] != 0.0:
+                f = gram[c, i] / pivot
+                for j in range(i + 1):
+                    gram[i, j] -= f * gram[c, j]
+    return True
+
+
+@inner
+def trace(a: Array) -> float:
+    """Sum of the elements of the diagonal."""
+    total = 0.0
+    for i in range(len(a)):
+        total += a[i, i]
+    return total
+
+
+@inner
+def _make_tridiagonal(a: Array, out: Array) -> None:
+    """Householder's reflections: the diagonal to row 0, squares of that beside it to row 1.
+
+    Source:
+        Golub, Van Loan (2013), Matrix Computations, algorithm 8.3.1.
+    """
+    n, u, p = len(a), out[2], out[3]
+    for c in range(n - 1):
+        square = 0.0
+        for i in range(c + 2, n):
+            square += a[i, c] * a[i, c]
+        first = a[c + 1, c]
+        whole = square + first * first
+        out[0, c], out[1, c] = a[c, c], whole
+        if square == 0.0:
+            continue
+        for i in range(c + 1, n):
+            u[i], p[i] = a[i, c], 0.0
+        u[c + 1] = first + math.copysign(math.sqrt(whole), first)
+        b = 2.0 / (square + u[c + 1] * u[c + 1])
+        along = _times_lower(a, u, p, c + 1)
+        for i in range(c + 1, n):
+            p[i] = b * (p[i] - 0.5 * b * along * u[i])
+        for i in range(c + 1, n):
+            s, t = u[i], p[i]
+            for k in range(c + 1, i + 1):
+                a[i, k] -= s * p[k] + t * u[k]
+    out[0, n - 1] = a[n - 1, n - 1]
+
+
+@inner
+def _times_lower(a: Array, u: Array, p: Array, start: int) -> float:
+    """Add the symmetric matrix times u to p, both from an index on.
+
+    Returns:
+        u a u.
+    """
+    along = 0.0
+    for i in range(start, len(a)):
+        total, own = 0.0, u[i]
+        for k in range(start, i):
+            total += a[i, k] * u[k]
+            p[k] += a[i, k] * own
+        p[i] += total + a[i, i] * own
+        along += own * (2.0 * total + a[i, i] * own)
+    return along
+
+
+@inner
+def _smallest_eigenvalue(tridiagonal: Array, n: int, noise: float) -> float:
+    """Smallest eigenvalue of a positive matrix: Laguerre's iteration from zero, from below.
+
+    Source:
+        Li, Zeng (1994), The Laguerre iteration in solving the symmetric tridiagonal eigenproblem,
+        revisited, SIAM J. Sci. Comput. 15(5).
+    """
+    x = 0.0
+    for _ in range(ITERATIONS):
+        # pivots q of the factored matrix, u = -q' and v = u': sums of 1 / (eigenvalue - x)
+        q, u, v = 1.0, 0.0, 0.0
+        first, second = 0.0, 0.0
+        for i in range(n):
+            over = tridiagonal[1, i - 1] / q if i > 0 else 0.0
+            ratio = u / q
+            v = over * (2.0 * ratio * ratio + v / q)
+            u = 1.0 + over * ratio
+            q = tridiagonal[0, i] - x - over
+            if not q > noise:
+                return x
+            part = u / q
+            first += part
+            second += part * part + v / q
+        spread = max(0.0, (n - 1) * (n * second - first * first))
+        step = n / (first + math.sqrt(spread))
+        x += step
+        if not step > ENOUGH * x:
+            return x
+    return x
 
 
 @kernel
@@ -127,3 +268,90 @@ def _of_tool(mechanism: Mechanism, workspace: Workspace) -> None:
                 unit = tool_unit(mechanism, row)
                 total += unit * a[row, i] * unit * a[row, k]
             gram[i, k] = scale[actuated[i]] * total * scale[actuated[k]]
+
+
+# Which poses of a grid the tool reaches from one of them, without a change of its modes.
+
+NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # row and column from a pose to the next
+
+
+@kernel
+def spread(
+    mechanism: Mechanism,
+    workspace: Workspace,
+    poses: Array,
+    travel: Array,
+    first: tuple[int, int],
+    posture: Array,
+    found: Array,
+    queue: Index,
+) -> int:
+    """Go from pose to neighbouring pose as long as no joint is beyond its travel.
+
+    Every posture is continued from that of a neighbour, along the shortest way of poses. Poses
+    beyond an end of travel are written, too, where a neighbour is within it, but lead nowhere.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace, near the first pose and in the modes that are asked for.
+        poses: Poses [m, rad], shape (rows, columns, m).
+        travel: Lower and upper ends of the actuated joints [rad or m], shape (2, n).
+        first: Row and column of the pose where it begins.
+        posture: Room for all joints and the angle of the tool, shape (rows, columns, N + 1).
+        found: Margins of closures and tool, and travel left [rad or m], shape (rows, columns, 3);
+            NaN before, and where no way leads.
+        queue: Room for as many indices as there are poses, shape (rows * columns,).
+
+    Returns:
+        FOUND, or the fault at the first pose.
+    """
+    rows, columns, length = poses.shape[0], poses.shape[1], len(workspace.all)
+    row, column = first
+    fault = solve_pose(mechanism, workspace, poses[row, column])
+    if fault != FOUND:
+        return fault
+    begin, end = 0, 0
+    if _note(mechanism, workspace, travel, posture[row, column], found[row, column]):
+        queue[end] = row * columns + column
+        end += 1
+    while begin < end:
+        row, column = queue[begin] // columns, queue[begin] % columns
+        begin += 1
+        here = posture[row, column]
+        recalled = False
+        for down, right in NEIGHBOURS:
+            i, k = row + down, column + right
+            if i < 0 or k < 0 or i >= rows or k >= columns or found[i, k, 0] == found[i, k, 0]:
+                continue
+            if not recalled:
+                _recall(mechanism, workspace, here[:length], here[length])
+            recalled = solve_pose(mechanism, workspace, poses[i, k]) != FOUND
+            if recalled:
+                continue
+            if _note(mechanism, workspace, travel, posture[i, k], found[i, k]):
+                queue[end] = i * columns + k
+                end += 1
+    return FOUND
+
+
+@inner
+def _note(
+    mechanism: Mechanism, workspace: Workspace, travel: Array, posture: Array, found: Array
+) -> bool:
+    """Write the posture of the memory and its margins; whether all joints are in their travel."""
+    length = len(workspace.all)
+    posture[length] = workspace.angle[0]
+    for i in range(length):
+        posture[i] = workspace.all[i]
+    found[0], found[1] = margins(mechanism, workspace)
+    found[2] = travel_left(travel, workspace.q)
+    return bool(found[2] >= 0.0)
+
+
+@inner
+def _recall(mechanism: Mechanism, workspace: Workspace, posture: Array, angle: float) -> None:
+    """Let the memory be a posture of before."""
+    copy(posture, workspace.all)
+    for j in range(len(workspace.q)):
+        workspace.q[j] = posture[mechanism.actuated[j]]
+    go_back(mechanism, workspace, angle)

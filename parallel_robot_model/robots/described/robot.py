@@ -17,9 +17,9 @@ from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine, machine
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.description.reading import read
+from parallel_robot_model.mechanisms.margins import spread
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
-from parallel_robot_model.mechanisms.reach import spread
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
 from parallel_robot_model.mechanisms.tool import tool_pose
 from parallel_robot_model.mechanisms.workspace import boxed
