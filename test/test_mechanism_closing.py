@@ -14,7 +14,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     NOT_FINITE,
     SINGULAR,
 )
-from parallel_robot_model.mechanisms.postures import frames, postures
+from parallel_robot_model.mechanisms.skeleton import frames, postures
 from parallel_robot_model.mechanisms.workspace import begin, workspace
 
 LOOPS = [name for name in MACHINES if name not in ('arm', 'wrist', 'universal')]
