@@ -9,8 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.description.choice import independent, null_space, rank
-from parallel_robot_model.mechanisms.description.telling import listed
+from parallel_robot_model.mechanisms.description.parts import independent, listed, null_space, rank
 
 MOVED = 1e-5  # rate of the tool, relative to that of a joint, that counts as none
 

@@ -18,8 +18,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
+    listed,
 )
-from parallel_robot_model.mechanisms.description.telling import listed
 from parallel_robot_model.mechanisms.description.tree import joined
 from parallel_robot_model.mechanisms.description.values import inverse
 

@@ -9,9 +9,8 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.bounds import LARGEST
 from parallel_robot_model.mechanisms.description.closures import jacobian, residuals
-from parallel_robot_model.mechanisms.description.parts import BALL, Description
+from parallel_robot_model.mechanisms.description.parts import BALL, LARGEST_NUMBER, Description
 from parallel_robot_model.mechanisms.description.tree import Posture, place
 
 NAME = 'home'  # of the keyframe that is taken if none is named
@@ -51,7 +50,7 @@ def posture(description: Description, home: str | Mapping[str, float]) -> Postur
     for name, value in given.items():
         if name not in zero:
             raise UnknownNameError('joint', name, zero)
-        if not abs(value) < LARGEST:
+        if not abs(value) < LARGEST_NUMBER:
             raise InputError(f'home: {printable(name)} must be a finite number, not {value:g}')
     return zero | dict(given)
 

@@ -8,8 +8,7 @@ from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly, Inertia
 from parallel_robot_model.mechanisms.description.freedoms import Freedoms, followed
-from parallel_robot_model.mechanisms.description.parts import Body, Description, Frame
-from parallel_robot_model.mechanisms.description.telling import listed
+from parallel_robot_model.mechanisms.description.parts import Body, Description, Frame, listed
 from parallel_robot_model.mechanisms.description.tree import Tree, place
 from parallel_robot_model.mechanisms.mechanism import BASE
 

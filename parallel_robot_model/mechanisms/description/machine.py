@@ -18,9 +18,8 @@ from parallel_robot_model.mechanisms.description.doubts import check_closed, tol
 from parallel_robot_model.mechanisms.description.freedoms import divide, followed
 from parallel_robot_model.mechanisms.description.home import close, on_grid, polished, posture
 from parallel_robot_model.mechanisms.description.inertia import check_felt, doubtful, merged
-from parallel_robot_model.mechanisms.description.parts import BALL, Description
+from parallel_robot_model.mechanisms.description.parts import BALL, Description, listed
 from parallel_robot_model.mechanisms.description.singular import check_singular
-from parallel_robot_model.mechanisms.description.telling import listed
 from parallel_robot_model.mechanisms.description.tool import coordinates as coordinates_of
 from parallel_robot_model.mechanisms.description.tool import named
 from parallel_robot_model.mechanisms.description.tool_guess import guessed

@@ -24,8 +24,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
+    listed,
 )
-from parallel_robot_model.mechanisms.description.telling import listed
 
 
 def read(root: Node, source: str, merged: bool) -> Description:

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.errors import optional
-from parallel_robot_model.mechanisms.description.parts import Actuator
-from parallel_robot_model.mechanisms.description.telling import listed
+from parallel_robot_model.mechanisms.description.parts import Actuator, listed
 
 
 def actuators(model: Any, joints: Sequence[str], doubts: list[str]) -> list[Actuator]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.robot_file import Node, children, refused
-from parallel_robot_model.mechanisms.description.telling import listed
+from parallel_robot_model.mechanisms.description.parts import listed
 
 REFUSED = {
     'include': 'is not resolved: read the file by its path',

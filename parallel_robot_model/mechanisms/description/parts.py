@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Iterable, Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 
 WORLD = -1  # in place of a body: what does not move
@@ -158,3 +160,100 @@ class Description(NamedTuple):
     keyframes: dict[str, dict[str, float | tuple[float, ...]]]
     gravity: Array
     doubts: tuple[str, ...]
+
+
+# Names of parts of a robot in messages.
+
+FEW = 8  # names that a message lists
+
+
+def listed(names: Iterable[str]) -> str:
+    """The first names, and how many more there are."""
+    found = list(names)
+    more = f' and {len(found) - FEW} more' if len(found) > FEW else ''
+    return ', '.join(map(printable, found[:FEW])) + more
+
+
+# Numbers of a description that no machine has.
+
+LARGEST_NUMBER = 1e9  # kg, m, kg m^2 and so on
+
+
+def check_bounds(description: Description) -> None:
+    """Refuse numbers that are not finite, or so large that they overflow later; swapped ends.
+
+    Raises:
+        InputError: there is one.
+    """
+    for name, value in _numbers(description):
+        if not np.all(np.abs(np.asarray(value, dtype=float)) < LARGEST_NUMBER):
+            raise InputError(
+                f'{description.source}: {name} has a number that is not below {LARGEST_NUMBER:g}'
+            )
+    for joint in description.joints:
+        if joint.lower > joint.upper:
+            raise InputError(
+                f'{description.source}: the travel of joint {printable(joint.name)!r} has its '
+                f'ends swapped: from {joint.lower:.4g} to {joint.upper:.4g}'
+            )
+
+
+def _numbers(description: Description) -> Iterator[tuple[str, Any]]:
+    """What parts are called, and their numbers; limits may be infinite."""
+    for body in description.bodies:
+        yield from ((f'body {printable(body.name)!r}', value) for value in body[2:])
+    for joint in description.joints:
+        own = (joint.axis, joint.anchor, joint.zero, joint.viscous, joint.coulomb, joint.armature)
+        yield from ((f'joint {printable(joint.name)!r}', value) for value in own)
+    for loop in description.loops:
+        for frame in (loop.first, loop.second):
+            yield f'loop {printable(loop.name)!r}', frame.position
+    for coupling in description.couplings:
+        yield f'coupling {printable(coupling.name)!r}', (coupling.ratio, coupling.offset)
+    for name, frame in description.frames.items():
+        yield f'frame {printable(name)!r}', frame.position
+    for name, posture in description.keyframes.items():
+        yield from ((f'keyframe {printable(name)!r}', value) for value in posture.values())
+    yield 'gravity', description.gravity
+
+
+# Independent rows of a matrix, chosen in the same way on every computer.
+
+TOLERANCE = 1e-5  # singular values, relative to the largest, that count as zero
+TIE = 1e-6  # relative difference of lengths below which the first row is taken
+
+
+def rank(matrix: Array) -> int:
+    """How many rows are independent of each other."""
+    if not matrix.size:
+        return 0
+    values = np.linalg.svd(matrix, compute_uv=False)
+    return int(np.sum(values > TOLERANCE * max(values[0], TOLERANCE)))
+
+
+def null_space(matrix: Array) -> Array:
+    """An orthonormal basis of what a matrix makes zero, shape (columns, k)."""
+    if not matrix.size:
+        return np.eye(matrix.shape[1])
+    return np.asarray(np.linalg.svd(matrix)[2][rank(matrix) :].T)
+
+
+def independent(matrix: Array, count: int) -> list[int]:
+    """Rows by a Gram-Schmidt process with pivots: the longest of what is left comes next.
+
+    Args:
+        matrix: Its rows, of rank `count` or more.
+        count: How many rows are chosen.
+
+    Returns:
+        Their indices, ascending.
+    """
+    left, chosen = matrix.copy(), []
+    for _ in range(count):
+        lengths = np.linalg.norm(left, axis=1)
+        pivot = int(np.argmax(lengths >= (1.0 - TIE) * lengths.max()))
+        unit = left[pivot] / lengths[pivot]
+        left -= np.outer(left @ unit, unit)
+        left[pivot] = 0.0
+        chosen.append(pivot)
+    return sorted(chosen)

@@ -7,7 +7,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.configuration.robot_file import Node
-from parallel_robot_model.mechanisms.description import bounds, mjcf, sdf, urdf
+from parallel_robot_model.mechanisms.description import mjcf, parts, sdf, urdf
 from parallel_robot_model.mechanisms.description.parts import Description
 
 READERS = {'robot': urdf.read, 'sdf': sdf.read}
@@ -34,7 +34,7 @@ def read(text: str, source: str = 'description') -> Description:
             description = mjcf.read(root, source, merged)
         else:
             description = READERS[str(root.tag)](root, source)
-    bounds.check(description)
+    parts.check_bounds(description)
     return description
 
 

@@ -17,9 +17,9 @@ from parallel_robot_model.mechanisms.description.parts import (
     Description,
     Frame,
     Joint,
+    listed,
 )
 from parallel_robot_model.mechanisms.description.sdf_poses import Poses, pose
-from parallel_robot_model.mechanisms.description.telling import listed
 from parallel_robot_model.mechanisms.description.tree import joined
 from parallel_robot_model.mechanisms.description.values import (
     MOMENTS,

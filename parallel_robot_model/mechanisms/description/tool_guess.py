@@ -9,9 +9,14 @@ import numpy as np
 
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.choice import null_space, rank
 from parallel_robot_model.mechanisms.description.closures import Equation
-from parallel_robot_model.mechanisms.description.parts import WORLD, Description, Frame
+from parallel_robot_model.mechanisms.description.parts import (
+    WORLD,
+    Description,
+    Frame,
+    null_space,
+    rank,
+)
 from parallel_robot_model.mechanisms.description.tool import Tool
 from parallel_robot_model.mechanisms.description.tree import Tree
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT

@@ -21,8 +21,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     Description,
     Frame,
     Joint,
+    listed,
 )
-from parallel_robot_model.mechanisms.description.telling import listed
 from parallel_robot_model.mechanisms.description.values import (
     MOMENTS,
     attribute,
