@@ -7,7 +7,21 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.robot_file import Node, children, refused
-from parallel_robot_model.mechanisms.description.graph import Edge, Link, built
+from parallel_robot_model.mechanisms.description.graph import (
+    MOMENTS,
+    Edge,
+    Link,
+    attribute,
+    built,
+    child,
+    inverse,
+    name_of,
+    numbers,
+    symmetric,
+    unique,
+    unit,
+    unknown,
+)
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
@@ -21,18 +35,6 @@ from parallel_robot_model.mechanisms.description.parts import (
 )
 from parallel_robot_model.mechanisms.description.sdf_poses import Poses, pose
 from parallel_robot_model.mechanisms.description.tree import joined
-from parallel_robot_model.mechanisms.description.values import (
-    MOMENTS,
-    attribute,
-    child,
-    inverse,
-    name_of,
-    numbers,
-    symmetric,
-    unique,
-    unit,
-    unknown,
-)
 
 BASE = 'world'  # what SDF calls the world
 KINDS = {

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.configuration.robot_file import Node, children, refused
-from parallel_robot_model.mechanisms.description.parts import WORLD, Frame
-from parallel_robot_model.mechanisms.description.tree import joined
-from parallel_robot_model.mechanisms.description.values import (
+from parallel_robot_model.mechanisms.description.graph import (
     child,
     inverse,
     name_of,
@@ -15,6 +13,8 @@ from parallel_robot_model.mechanisms.description.values import (
     turned,
     unknown,
 )
+from parallel_robot_model.mechanisms.description.parts import WORLD, Frame
+from parallel_robot_model.mechanisms.description.tree import joined
 
 OWN = '__model__'  # the frame of the model
 WORLD_NAME = 'world'

@@ -10,7 +10,22 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description import urdf_closures
-from parallel_robot_model.mechanisms.description.graph import Edge, Link, built
+from parallel_robot_model.mechanisms.description.graph import (
+    MOMENTS,
+    Edge,
+    Link,
+    attribute,
+    built,
+    child,
+    name_of,
+    number,
+    origin,
+    symmetric,
+    unique,
+    unit,
+    unknown,
+    vector,
+)
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
@@ -22,19 +37,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     listed,
-)
-from parallel_robot_model.mechanisms.description.values import (
-    MOMENTS,
-    attribute,
-    child,
-    name_of,
-    number,
-    origin,
-    symmetric,
-    unique,
-    unit,
-    unknown,
-    vector,
 )
 
 KINDS = {

@@ -14,7 +14,17 @@ import numpy as np
 
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.robot_file import Node, children, refused
-from parallel_robot_model.mechanisms.description.graph import Edge
+from parallel_robot_model.mechanisms.description.graph import (
+    Edge,
+    attribute,
+    child,
+    name_of,
+    number,
+    origin,
+    unit,
+    unknown,
+    vector,
+)
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
@@ -24,16 +34,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
-)
-from parallel_robot_model.mechanisms.description.values import (
-    attribute,
-    child,
-    name_of,
-    number,
-    origin,
-    unit,
-    unknown,
-    vector,
 )
 
 TAGS = 'constraint', 'loop', 'coupling', 'closed_loop'
