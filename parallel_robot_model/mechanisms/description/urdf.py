@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration.robot_file import Node, children, refused
-from parallel_robot_model.mechanisms.description import urdf_closures
 from parallel_robot_model.mechanisms.description.graph import (
     MOMENTS,
     Edge,
@@ -36,8 +35,143 @@ from parallel_robot_model.mechanisms.description.parts import (
     Description,
     Frame,
     Joint,
+    Loop,
     listed,
 )
+
+# What closes loops in URDF, of several authors.
+#
+# Sources:     `constraint`: pull requests ros/urdfdom_headers#108 and ros/urdfdom#264 (2026):
+# joints of     which both ends have an origin. `loop` and `coupling`: Chignoli, Slotine, Wensing,
+# Kim (2024),     URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_loops`.
+
+CLOSURE_TAGS = 'constraint', 'loop', 'coupling', 'closed_loop'
+AXES = {'X': (1.0, 0.0, 0.0), 'Y': (0.0, 1.0, 0.0), 'Z': (0.0, 0.0, 1.0)}
+CLOSURE_KINDS = {
+    'revolute': HINGE, 'continuous': HINGE, 'prismatic': SLIDE, 'spherical': BALL, 'ball': BALL,
+    'fixed': '', 'link': '',
+}  # fmt: skip
+ENDS = {'constraint': ('parent', 'child'), 'loop': ('predecessor', 'successor')}
+
+
+def kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[Joint, ...]]:
+    """The joints that are of another kind than URDF can say.
+
+    Raises:
+        InputError: a joint or a kind is unknown.
+    """
+    found: dict[str, tuple[Joint, ...]] = {}
+    for node in children(robot, 'joint_type'):
+        name, kind = attribute(node, 'joint'), attribute(node, 'type').upper()
+        if name not in joints:
+            raise unknown(node, 'joint', name)
+        first, second = kind[-2:-1], kind[-1:]
+        if kind == 'SPHERICAL':
+            found[name] = (Joint('', WORLD, BALL, np.array(AXES['Z'])),)
+        elif kind == 'FIXED':
+            found[name] = ()
+        elif kind.startswith('UJOINT_') and len(kind) == 9 and {first, second} <= {*AXES}:
+            found[name] = tuple(
+                Joint(f'.{axis.lower()}', WORLD, HINGE, np.array(AXES[axis]))
+                for axis in (first, second)
+            )
+        else:
+            raise refused(
+                node, f'type={printable(kind)!r} must be SPHERICAL, FIXED or such as UJOINT_XY'
+            )
+    return found
+
+
+def closing_edges(robot: Node, links: Collection[str]) -> list[Edge]:
+    """The joints that close loops.
+
+    Raises:
+        InputError: a link or a kind is unknown.
+    """
+    return [_closing_edge(node, links) for tag in ENDS for node in children(robot, tag)]
+
+
+def _closing_edge(node: Node, links: Collection[str]) -> Edge:
+    names, origins = [], []
+    for tag in ENDS[str(node.tag)]:
+        end = child(node, tag)
+        name = '' if end is None else end.get('link', '')
+        if end is None or name not in links:
+            raise unknown(node, f'{tag} link', name)
+        place = child(end, 'origin') if node.tag == 'loop' else child(node, f'{tag}_origin')
+        names.append(name)
+        origins.append(origin(place))
+    return Edge(node, name_of(node), names[0], names[1], origins[0], origins[1], _steps(node))
+
+
+def _steps(node: Node) -> tuple[Joint, ...]:
+    kind = attribute(node, 'type').lower()
+    keys = ('axis',) if node.tag == 'loop' else ('parent_axis', 'child_axis')
+    if not CLOSURE_KINDS.get(kind, kind):
+        return ()
+    axes = [unit(node, vector(child(node, key), 'xyz', (1.0, 0.0, 0.0))) for key in keys]
+    if kind == 'universal' and len(axes) == 2:
+        return tuple(Joint(f'.{i}', WORLD, HINGE, axis) for i, axis in enumerate(axes, 1))
+    if kind not in CLOSURE_KINDS:
+        known = ', '.join(CLOSURE_KINDS)
+        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
+    return (Joint('', WORLD, CLOSURE_KINDS[kind], axes[0]),)
+
+
+def closing_frames(robot: Node, frames: Mapping[str, Frame]) -> list[Loop]:
+    """The pairs of frames that coincide.
+
+    Raises:
+        InputError: a frame or a kind is unknown.
+    """
+    found = []
+    for node in children(robot, 'closed_loop'):
+        names = attribute(node, 'first'), attribute(node, 'second')
+        for name in names:
+            if name not in frames:
+                raise unknown(node, 'link or joint', name)
+        kind = attribute(node, 'type').lower()
+        if kind not in ('3d', '6d'):
+            raise refused(node, f'type={printable(kind)!r} must be 3d or 6d')
+        found.append(Loop(' '.join(names), frames[names[0]], frames[names[1]], kind == '6d'))
+    return found
+
+
+def couplings(robot: Node, edges: Sequence[Edge]) -> list[Coupling]:
+    """The joints that gears tie together: successor = ratio * predecessor.
+
+    Raises:
+        InputError: a link is unknown, or there is not one joint on each side.
+    """
+    above = {edge.child: edge for edge in edges if edge.node.tag == 'joint'}
+    found = []
+    for node in children(robot, 'coupling'):
+        sides = []
+        for tag in ENDS['loop']:
+            end = child(node, tag)
+            name = '' if end is None else end.get('link', '')
+            if name not in above:
+                raise unknown(node, f'{tag} link', name)
+            sides.append(_moving(above, name))
+        first, second = ([e for e in side if e not in other] for side, other in (
+            (sides[0], sides[1]), (sides[1], sides[0])
+        ))  # fmt: skip
+        if len(first) != 1 or len(second) != 1:
+            raise refused(node, 'must tie one joint to one other')
+        ratio = number(child(node, 'ratio'), 'value', 1.0)
+        found.append(Coupling(name_of(node), second[0], first[0], ratio))
+    return found
+
+
+def _moving(above: Mapping[str, Edge], link: str) -> list[str]:
+    """The joints that move a link, up to the base."""
+    moving: list[str] = []
+    while link in above and above[link].name not in moving:
+        edge = above[link]
+        moving += [edge.name] if edge.steps else []
+        link = edge.parent
+    return moving
+
 
 KINDS = {
     'revolute': HINGE, 'continuous': HINGE, 'prismatic': SLIDE, 'fixed': '', 'spherical': BALL,
@@ -47,7 +181,7 @@ FREE = {'floating': 'floats', 'planar': 'slides in a plane'}
 CLOSING = re.compile('closing|closed_?loop', re.IGNORECASE)  # what exporters name ends of loops
 GRAVITY = 0.0, 0.0, -9.81  # m/s^2
 KNOWN = {
-    'link', 'joint', 'transmission', 'ros2_control', 'name_mot', 'joint_type', *urdf_closures.TAGS,
+    'link', 'joint', 'transmission', 'ros2_control', 'name_mot', 'joint_type', *CLOSURE_TAGS,
 }  # fmt: skip
 
 
@@ -63,9 +197,9 @@ def read(robot: Node, source: str) -> Description:
     """
     links = {name: _link(node) for name, node in unique(children(robot, 'link')).items()}
     joints = unique(children(robot, 'joint'))
-    kinds = urdf_closures.kinds(robot, joints)
+    kinds = kinds_beyond_urdf(robot, joints)
     edges = [_edge(node, links, kinds.get(name)) for name, node in joints.items()]
-    edges += urdf_closures.edges(robot, links)
+    edges += closing_edges(robot, links)
     actuators = _actuators(robot, joints)
     carried = {edge.child for edge in edges if edge.node.tag == 'joint'}
     roots = [name for name in links if name not in carried]
@@ -78,8 +212,8 @@ def read(robot: Node, source: str) -> Description:
         source=source,
         bodies=tuple(graph.bodies),
         joints=tuple(graph.joints),
-        loops=(*graph.loops, *urdf_closures.loops(robot, ends)),
-        couplings=(*_mimics(joints), *urdf_closures.couplings(robot, edges)),
+        loops=(*graph.loops, *closing_frames(robot, ends)),
+        couplings=(*_mimics(joints), *couplings(robot, edges)),
         actuators=tuple(actuators),
         frames=frames,
         keyframes={},
@@ -196,6 +330,6 @@ def _doubts(robot: Node, roots: list[str], links: Collection[str]) -> list[str]:
     if tags := dict.fromkeys(f'<{node.tag}>' for node in children(robot) if node.tag not in KNOWN):
         doubts.append(f'unknown elements are left out: {listed(tags)}')
     ends = [name for name in links if CLOSING.search(name)]
-    if ends and not any(children(robot, tag) for tag in urdf_closures.TAGS):
+    if ends and not any(children(robot, tag) for tag in CLOSURE_TAGS):
         doubts.append(f'nothing closes the loops that links are named after: {listed(ends)}')
     return doubts
