@@ -15,8 +15,7 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.errors import InputError, optional
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
-from parallel_robot_model.mechanisms.description.mjcf import specification
-from parallel_robot_model.mechanisms.description.mjcf_compiler import compiled
+from parallel_robot_model.mechanisms.description.mjcf import compiled, specification
 from parallel_robot_model.mechanisms.description.parts import BALL, WORLD, Description, Joint
 from parallel_robot_model.mechanisms.description.reading import parsed
 from parallel_robot_model.mechanisms.description.tree import AXES, Tree, build

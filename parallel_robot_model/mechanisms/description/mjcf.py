@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import math
+import re
+import warnings
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -9,15 +14,13 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import robot_file
-from parallel_robot_model.configuration.robot_file import Node
-from parallel_robot_model.mechanisms.description.mjcf_actuators import actuators
-from parallel_robot_model.mechanisms.description.mjcf_compiler import compiled, specified
-from parallel_robot_model.mechanisms.description.mjcf_text import prepare
+from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
     SLIDE,
     WORLD,
+    Actuator,
     Body,
     Coupling,
     Description,
@@ -26,6 +29,217 @@ from parallel_robot_model.mechanisms.description.parts import (
     Loop,
     listed,
 )
+
+# MJCF before MuJoCo compiles it: nothing that needs files, nothing that fills the memory.
+
+REFUSED = {
+    'include': 'is not resolved: read the file by its path',
+    'attach': 'attaches another model; write it as one',
+    'model': 'is another model; write it as one',
+    'composite': 'is a flexible thing; a robot is of rigid bodies',
+    'flexcomp': 'is a flexible thing; a robot is of rigid bodies',
+    'deformable': 'is a flexible thing; a robot is of rigid bodies',
+}
+DROPPED = {
+    'asset', 'visual', 'statistic', 'sensor', 'custom', 'size', 'light', 'camera', 'contact',
+    'extension', 'plugin',
+}  # fmt: skip
+REFERENCES = ('material', 'fitscale')  # of shapes to assets
+NAMES = {'name', 'class', 'childclass', 'model', 'joint', 'site', 'body', 'group'}
+COPIES = 1000  # of bodies that <replicate> may make
+
+
+def prepare(root: Node) -> list[str]:
+    """Remove from a tree of MJCF what has no part in masses and joints.
+
+    Args:
+        root: The element <mujoco>, which is changed.
+
+    Returns:
+        What was left out that moves a robot, for people.
+
+    Raises:
+        InputError: an element needs other files, or has no place in a robot.
+    """
+    doubts: list[str] = []
+    _prune(root, 1, doubts)
+    _drop_cables(root, doubts)
+    for compiler in root.iter('compiler'):
+        for key in ('balanceinertia', 'boundmass', 'boundinertia', 'settotalmass'):
+            if compiler.get(key, 'false') not in ('false', '0', '-1'):
+                doubts.append(f'the file asks for {key}, so its masses or inertias are changed')
+    last = Node('compiler', fusestatic='false', discardvisual='false')
+    last.append(Node('lengthrange', mode='none'))
+    root.append(last)
+    return doubts
+
+
+def _drop_cables(root: Node, doubts: list[str]) -> None:
+    """Remove tendons that wind around shapes, and what drives or ties them."""
+    names = set()
+    for tendons in children(root, 'tendon'):
+        for cable in children(tendons, 'spatial'):
+            names.add(cable.get('name', ''))
+            tendons.remove(cable)
+    for parent in children(root, 'actuator') + children(root, 'equality'):
+        for node in children(parent):
+            if {node.get('tendon', node.get('tendon1')), node.get('tendon2')} & names:
+                parent.remove(node)
+    if names:
+        doubts.append(f'tendons in space are left out, and what drives them: {listed(names)}')
+
+
+def _prune(node: Node, copies: int, doubts: list[str]) -> None:
+    """Refuse, remove and clean what stands in an element."""
+    if node.tag == 'replicate':
+        count = node.get('count', '1').strip()
+        copies *= int(count) if count.isdecimal() and len(count) < 9 else COPIES + 1
+        if copies > COPIES:
+            raise refused(node, f'makes more than {COPIES} copies')
+    for name in REFERENCES:
+        node.attrib.pop(name, None)
+    for name, value in node.items():
+        if name not in NAMES and 'nan' in value.lower().split():
+            raise refused(node, f'{name}={printable(value)!r} is not a number')
+    for child in children(node):
+        tag = str(child.tag)
+        if tag in REFUSED:
+            raise refused(child, REFUSED[tag])
+        if tag in DROPPED:
+            node.remove(child)
+            if tag == 'plugin':
+                doubts.append(f'a plugin in {printable(node.tag)} is left out')
+        else:
+            _prune(child, copies, doubts)
+
+
+# MuJoCo's compiler: MJCF made a model without files.
+
+
+def specified(text: str, source: str, merged: bool) -> Any:
+    """The specification of a model, with no shapes but those that inertias need.
+
+    Args:
+        text: MJCF that was prepared by `mjcf_text`.
+        source: What the file is called in messages.
+        merged: Whether its lines are those of no file.
+
+    Raises:
+        InputError: MuJoCo is not installed, does not take the text, or needs a mesh.
+    """
+    mujoco = optional('mujoco')
+    with _naming(source, merged):
+        spec = mujoco.MjSpec.from_string(text)
+        for body in spec.bodies:
+            _need_no_meshes(mujoco, spec, body, source)
+    return spec
+
+
+def compiled(spec: Any, source: str, merged: bool) -> Any:
+    """The model of a specification.
+
+    Raises:
+        InputError: MuJoCo does not take it.
+    """
+    with _naming(source, merged):
+        return spec.compile()
+
+
+@contextlib.contextmanager
+def _naming(source: str, merged: bool) -> Iterator[None]:
+    """What MuJoCo refuses, with the name of the file."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # of states and of contacts
+            yield
+    except (ValueError, optional('mujoco').FatalError) as error:
+        raise InputError(f'{source}: {_reason(str(error), merged)}') from None
+
+
+def _need_no_meshes(mujoco: Any, spec: Any, body: Any, source: str) -> None:
+    """Refuse a body whose inertia is that of a mesh; make other meshes points without mass."""
+    kinds = mujoco.mjtGeom
+    meshes = kinds.mjGEOM_MESH, kinds.mjGEOM_HFIELD, kinds.mjGEOM_SDF
+    lowest, highest = spec.compiler.inertiagrouprange
+    from_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+    known = body.explicitinertial and not from_geoms
+    for geom in body.geoms:
+        if geom.type not in meshes and not geom.meshname:
+            continue
+        counts = lowest <= geom.group <= highest and geom.mass != 0 and geom.density != 0
+        if counts and not known and _moves(body):
+            raise InputError(
+                f'{source}: body {printable(body.name)!r} has no inertial, and that of its mesh '
+                f'{printable(geom.meshname)!r} is not known: add one'
+            )
+        geom.type, geom.meshname, geom.hfieldname = kinds.mjGEOM_SPHERE, '', ''
+        geom.size, geom.mass, geom.fromto = [1e-3, 0, 0], 0.0, [math.nan] * 6
+
+
+def _moves(body: Any) -> bool:
+    """Whether a body, or one that carries it, has a joint."""
+    while body.name != 'world':
+        if len(body.joints):
+            return True
+        body = body.parent
+    return False
+
+
+def _reason(text: str, merged: bool) -> str:
+    """What MuJoCo says, on one line."""
+    text = re.sub(r'(XML )?Error: *', '', ' '.join(text.split()))
+    return printable(re.sub(r',? line \d+', '', text) if merged else text)
+
+
+# Which joints the actuators of MJCF drive, and how strong they are.
+
+
+def actuators(model: Any, joints: Sequence[str], doubts: list[str]) -> list[Actuator]:
+    """The actuators of hinges and slides.
+
+    Args:
+        model: A compiled model.
+        joints: Names of its joints.
+        doubts: Where to tell of servos, and of actuators that drive something else.
+    """
+    mujoco = optional('mujoco')
+    kinds = mujoco.mjtTrn
+    found, servos, others = [], [], []
+    for i in range(len(model.actuator_trntype)):
+        name = str(model.actuator(i).name) or f'actuator_{i}'
+        joint = int(model.actuator_trnid[i, 0])
+        on_joint = int(model.actuator_trntype[i]) in (
+            kinds.mjTRN_JOINT,
+            kinds.mjTRN_JOINTINPARENT,
+        )
+        if not on_joint or int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_BALL:
+            others.append(name)
+            continue
+        name = str(model.actuator(i).name) or joints[joint]
+        if int(model.actuator_biastype[i]) != mujoco.mjtBias.mjBIAS_NONE:
+            servos.append(name)
+        found.append(Actuator(name, joints[joint], _effort(mujoco, model, i)))
+    if servos:
+        doubts.append(f'servos are taken for motors, their gains left out: {listed(servos)}')
+    if others:
+        doubts.append(f'actuators that drive no single joint are left out: {listed(others)}')
+    return found
+
+
+def _effort(mujoco: Any, model: Any, index: int) -> float:
+    """Greatest torque or force of an actuator at its joint."""
+    gear = abs(float(model.actuator_gear[index, 0]))
+    limits = [math.inf]
+    if model.actuator_forcelimited[index]:
+        limits.append(float(np.abs(model.actuator_forcerange[index]).max()))
+    fixed = int(model.actuator_gaintype[index]) == mujoco.mjtGain.mjGAIN_FIXED
+    free = int(model.actuator_biastype[index]) == mujoco.mjtBias.mjBIAS_NONE
+    still = int(model.actuator_dyntype[index]) == mujoco.mjtDyn.mjDYN_NONE
+    one = len(model.actuator_ctrllimited) == len(model.actuator_trntype)  # control of each
+    if one and model.actuator_ctrllimited[index] and fixed and free and still:
+        gain = abs(float(model.actuator_gainprm[index, 0]))
+        limits.append(gain * float(np.abs(model.actuator_ctrlrange[index]).max()))
+    return min(limits) * gear if gear else math.inf
 
 
 def read(root: Node, source: str, merged: bool) -> Description:
