@@ -14,10 +14,16 @@ from parallel_robot_model.mechanisms.description.closures import (
     jacobian,
     missed,
 )
-from parallel_robot_model.mechanisms.description.freedoms import Freedoms
 from parallel_robot_model.mechanisms.description.parts import BALL, Description, Frame
 from parallel_robot_model.mechanisms.description.tool import Tool
-from parallel_robot_model.mechanisms.description.tree import AXES, Posture, Tree, place, turn
+from parallel_robot_model.mechanisms.description.tree import (
+    AXES,
+    Freedoms,
+    Posture,
+    Tree,
+    place,
+    turn,
+)
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,

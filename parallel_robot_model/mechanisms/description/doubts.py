@@ -9,9 +9,9 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.freedoms import Freedoms
 from parallel_robot_model.mechanisms.description.parts import listed
 from parallel_robot_model.mechanisms.description.singular import doubted
+from parallel_robot_model.mechanisms.description.tree import Freedoms
 from parallel_robot_model.mechanisms.mechanism import HINGE
 
 OPEN, TOLD = 1e-3, 1e-6  # what may stay open, and what is told, relative to the length

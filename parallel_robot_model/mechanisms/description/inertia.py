@@ -7,9 +7,8 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly, Inertia
-from parallel_robot_model.mechanisms.description.freedoms import Freedoms, followed
 from parallel_robot_model.mechanisms.description.parts import Body, Description, Frame, listed
-from parallel_robot_model.mechanisms.description.tree import Tree, place
+from parallel_robot_model.mechanisms.description.tree import Freedoms, Tree, followed, place
 from parallel_robot_model.mechanisms.mechanism import BASE
 
 HEAVY, LIGHT = 1e4, 1e-6  # kg, beyond which a mass is doubtful

@@ -15,7 +15,6 @@ from parallel_robot_model.mechanisms.description.assembly import (
     rebased,
 )
 from parallel_robot_model.mechanisms.description.doubts import check_closed, told
-from parallel_robot_model.mechanisms.description.freedoms import divide, followed
 from parallel_robot_model.mechanisms.description.home import close, on_grid, polished, posture
 from parallel_robot_model.mechanisms.description.inertia import check_felt, doubtful, merged
 from parallel_robot_model.mechanisms.description.parts import BALL, Description, listed
@@ -23,7 +22,7 @@ from parallel_robot_model.mechanisms.description.singular import check_singular
 from parallel_robot_model.mechanisms.description.tool import coordinates as coordinates_of
 from parallel_robot_model.mechanisms.description.tool import named
 from parallel_robot_model.mechanisms.description.tool_guess import guessed
-from parallel_robot_model.mechanisms.description.tree import build
+from parallel_robot_model.mechanisms.description.tree import build, divide, followed
 from parallel_robot_model.mechanisms.mechanism import HINGE, Mechanism
 
 MOST = 200  # joints

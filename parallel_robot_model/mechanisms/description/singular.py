@@ -8,9 +8,9 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.freedoms import Freedoms
 from parallel_robot_model.mechanisms.description.home import fitted
 from parallel_robot_model.mechanisms.description.parts import rank
+from parallel_robot_model.mechanisms.description.tree import Freedoms
 
 BESIDE = 0.03  # rad, or of the length of the machine, to postures that are tried
 TRIES = 3  # postures
