@@ -6,19 +6,15 @@ from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.common.units import Array, rounded
-from parallel_robot_model.mechanisms.description.closures import (
-    Equation,
-    equations,
-    jacobian,
-    missed,
-)
-from parallel_robot_model.mechanisms.description.parts import BALL, Description, Frame
-from parallel_robot_model.mechanisms.description.tool import Tool
+from parallel_robot_model.mechanisms.description.parts import BALL, Description, Frame, Loop
 from parallel_robot_model.mechanisms.description.tree import (
     AXES,
     Freedoms,
+    Places,
     Posture,
     Tree,
     place,
@@ -34,6 +30,157 @@ from parallel_robot_model.mechanisms.mechanism import (
     Index,
     Mechanism,
 )
+
+# The equations that close the loops of a tree, and how well a posture meets them.
+
+
+class Equation(NamedTuple):
+    """A scalar equation that closes a loop.
+
+    Attributes:
+        name: Of the loop or the coupling.
+        kind: POINT, TURN or COUPLING.
+        first: A frame of a link; of a COUPLING the link alone counts.
+        second: The other.
+        direction: Which component, a unit vector of the world, shape (3,).
+        ratio: Of a COUPLING.
+        offset: Of a COUPLING [rad or m].
+    """
+
+    name: str
+    kind: int
+    first: Frame
+    second: Frame
+    direction: Array = np.zeros(3)
+    ratio: float = 0.0
+    offset: float = 0.0
+
+
+def equations(description: Description, tree: Tree) -> tuple[Equation, ...]:
+    """All equations of the loops and couplings of a description, redundant ones, too."""
+    found = [equation for loop in description.loops for equation in _of_loop(loop, tree)]
+    index = {link.name: i for i, link in enumerate(tree.links)}
+    for name, joint, other, ratio, offset in description.couplings:
+        second = Frame(index[other] if other else BASE)
+        found.append(
+            Equation(name, COUPLING, Frame(index[joint]), second, ratio=ratio, offset=offset)
+        )
+    return tuple(found)
+
+
+def _of_loop(loop: Loop, tree: Tree) -> list[Equation]:
+    first, second = tree.on_link(loop.first), tree.on_link(loop.second)
+    kinds = (POINT, TURN) if loop.turns else (POINT,)
+    return [
+        Equation(loop.name, kind, first, second, direction)
+        for kind in kinds
+        for direction in np.eye(3)
+    ]
+
+
+def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Array:
+    """By how much a posture misses each equation [m or rad], shape (R,)."""
+    missed = []
+    for _, kind, first, second, direction, ratio, offset in equations:
+        if kind == COUPLING:
+            other = 0.0 if second.body == BASE else q[second.body]
+            missed.append(q[first.body] - offset - ratio * other)
+            continue
+        (rotation, point), (other_rotation, other_point) = (
+            places.frame(first),
+            places.frame(second),
+        )
+        if kind == POINT:
+            missed.append(direction @ (point - other_point))
+        else:
+            turned = Rotation.from_matrix(rotation @ other_rotation.T)
+            missed.append(direction @ turned.as_rotvec())
+    return np.array(missed)
+
+
+def jacobian(equations: tuple[Equation, ...], places: Places) -> Array:
+    """Derivative of the residuals by the positions where the equations are met, shape (R, N)."""
+    rows = np.zeros((len(equations), len(places.axis)))
+    for row, (_, kind, first, second, direction, ratio, _) in zip(rows, equations, strict=True):
+        if kind == COUPLING:
+            row[first.body] = 1.0
+            if second.body != BASE:
+                row[second.body] -= ratio
+            continue
+        one, other = places.rates(first), places.rates(second)
+        row[:] = direction @ (one[kind != POINT] - other[kind != POINT])
+    return rows
+
+
+def missed(equations: tuple[Equation, ...], tree: Tree, q: Array) -> Array:
+    """Residuals at positions [rad or m], shape (R,)."""
+    return residuals(equations, place(tree, q), q)
+
+
+# What a machine moves: a frame of the description, and coordinates for its motion.
+
+NAMES, UNITS = ('x', 'y', 'z', 'rx', 'ry', 'rz'), ('m',) * 3 + ('rad',) * 3
+ORDER = (0, 1, 2, 5, 4, 3)  # in which coordinates are taken
+APART = 0.02, 1e-4  # what makes a coordinate independent of those before, tried in this order
+
+
+class Tool(NamedTuple):
+    """The frame that is controlled.
+
+    Attributes:
+        name: Its name, or what it is.
+        frame: On its link.
+    """
+
+    name: str
+    frame: Frame
+
+
+def named(description: Description, tree: Tree, name: str) -> Tool:
+    """The frame of a name.
+
+    Raises:
+        UnknownNameError: there is none.
+    """
+    if name not in description.frames:
+        raise UnknownNameError('site, body or link', name, description.frames)
+    return Tool(name, tree.on_link(description.frames[name]))
+
+
+def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], ...]]:
+    """The coordinates that describe where the tool is, where there are as many as freedoms.
+
+    Args:
+        motion: Rate of the tool and its angular rate, in one unit, by the n actuated joints,
+            shape (6, n).
+
+    Returns:
+        Indices, 0 to 2 for x, y, z, 3 to 5 for the rotation, and names with units; both empty if
+        the tool does not have n independent motions.
+    """
+    size = float(np.linalg.norm(motion, 2)) if motion.size else 0.0
+    count = motion.shape[1]
+    for apart in APART if size else ():
+        chosen: list[int] = []
+        for i in ORDER:
+            if len(chosen) < count and _distance(motion[i], motion[chosen]) > apart * size:
+                chosen.append(i)
+        if len(chosen) == count:
+            chosen.sort()
+            plane = chosen == [0, 1, 5] and np.abs(motion[2:5]).max() < APART[1] * size
+            names = ('x', 'y', 'phi') if plane else tuple(NAMES[i] for i in chosen)
+            return tuple(chosen), tuple(
+                (name, UNITS[i]) for name, i in zip(names, chosen, strict=True)
+            )
+    return (), ()
+
+
+def _distance(row: Array, rows: Array) -> float:
+    """Distance of a row from the space of others."""
+    if not len(rows):
+        return float(np.linalg.norm(row))
+    left = row - np.linalg.lstsq(rows.T, row, rcond=None)[0] @ rows
+    return float(np.linalg.norm(left))
 
 
 class Assembly(NamedTuple):

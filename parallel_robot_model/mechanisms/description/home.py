@@ -8,8 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.closures import jacobian, residuals
+from parallel_robot_model.mechanisms.description.assembly import Assembly, jacobian, residuals
 from parallel_robot_model.mechanisms.description.parts import BALL, LARGEST_NUMBER, Description
 from parallel_robot_model.mechanisms.description.tree import Posture, place
 

@@ -8,8 +8,7 @@ from collections import defaultdict
 import numpy as np
 
 from parallel_robot_model.common.errors import printable
-from parallel_robot_model.mechanisms.description.assembly import Assembly
-from parallel_robot_model.mechanisms.description.closures import Equation
+from parallel_robot_model.mechanisms.description.assembly import Assembly, Equation, Tool
 from parallel_robot_model.mechanisms.description.parts import (
     WORLD,
     Description,
@@ -17,7 +16,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     null_space,
     rank,
 )
-from parallel_robot_model.mechanisms.description.tool import Tool
 from parallel_robot_model.mechanisms.description.tree import Tree
 from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, POINT
 
