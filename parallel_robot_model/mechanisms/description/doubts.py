@@ -9,8 +9,8 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly
+from parallel_robot_model.mechanisms.description.home import doubted
 from parallel_robot_model.mechanisms.description.parts import listed
-from parallel_robot_model.mechanisms.description.singular import doubted
 from parallel_robot_model.mechanisms.description.tree import Freedoms
 from parallel_robot_model.mechanisms.mechanism import HINGE
 

@@ -17,10 +17,15 @@ from parallel_robot_model.mechanisms.description.assembly import (
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
 from parallel_robot_model.mechanisms.description.doubts import check_closed, told
-from parallel_robot_model.mechanisms.description.home import close, on_grid, polished, posture
+from parallel_robot_model.mechanisms.description.home import (
+    check_singular,
+    close,
+    on_grid,
+    polished,
+    posture,
+)
 from parallel_robot_model.mechanisms.description.inertia import check_felt, doubtful, merged
 from parallel_robot_model.mechanisms.description.parts import BALL, Description, listed
-from parallel_robot_model.mechanisms.description.singular import check_singular
 from parallel_robot_model.mechanisms.description.tool_guess import guessed
 from parallel_robot_model.mechanisms.description.tree import build, divide, followed
 from parallel_robot_model.mechanisms.mechanism import HINGE, Mechanism
