@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.errors import InputError, optional
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
+from parallel_robot_model.mechanisms.description.machine import parsed
 from parallel_robot_model.mechanisms.description.mjcf import compiled, specification
 from parallel_robot_model.mechanisms.description.parts import BALL, WORLD, Description, Joint
-from parallel_robot_model.mechanisms.description.reading import parsed
 from parallel_robot_model.mechanisms.description.tree import AXES, Tree, build
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.robots.described.robot import description_of

@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 
 from parallel_robot_model.mechanisms.closing import FOUND, close
-from parallel_robot_model.mechanisms.description.machine import machine
-from parallel_robot_model.mechanisms.description.reading import read
+from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.tool import tool_pose
 from parallel_robot_model.mechanisms.workspace import boxed

@@ -7,7 +7,7 @@ from machine_files import ARM, INERTIAL, five_bar, joint, link, mjcf, urdf
 from reading import Evaluated, InMujoco, made
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.mechanisms.description.reading import read
+from parallel_robot_model.mechanisms.description.machine import read
 
 BALL = ['ball.x', 'ball.y', 'ball.z']
 RNG = np.random.default_rng(7)

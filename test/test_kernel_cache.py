@@ -389,7 +389,7 @@ def test_code_for_a_law_is_found_whatever_was_compiled_before_it():
 
 
 def test_the_private_parts_of_numba_that_are_used_are_there():
-    """A newer Numba that fails here needs kernel_cache.py and function_value.py looked at."""
+    """A newer Numba that fails here needs kernels.py and boxed.py looked at."""
     implementation = kernels.KernelCache(kernel(lambda x: x).py_func)._impl
     assert isinstance(implementation, kernels._Files)
     assert isinstance(implementation.locator, kernels._Place)

@@ -9,9 +9,8 @@ from machine_files import ARM, INERTIAL, five_bar, joint, link, mjcf, urdf
 from reading import Evaluated, InMujoco, made
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.mechanisms.description.machine import machine
+from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.description.parts import independent
-from parallel_robot_model.mechanisms.description.reading import read
 
 
 def hexapod(rod='0 0 1', drives=6):

@@ -14,9 +14,8 @@ from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.description.machine import Machine, machine
+from parallel_robot_model.mechanisms.description.machine import Machine, machine, read
 from parallel_robot_model.mechanisms.description.parts import Description
-from parallel_robot_model.mechanisms.description.reading import read
 from parallel_robot_model.mechanisms.margins import spread
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
