@@ -22,7 +22,7 @@ from parallel_robot_model.mechanisms.description.assembly import (
     rebased,
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
-from parallel_robot_model.mechanisms.description.doubts import check_closed, told
+from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, told
 from parallel_robot_model.mechanisms.description.home import (
     check_singular,
     close,
@@ -38,7 +38,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     check_bounds,
     listed,
 )
-from parallel_robot_model.mechanisms.description.tool_guess import guessed
 from parallel_robot_model.mechanisms.description.tree import (
     Freedoms,
     Tree,
