@@ -28,8 +28,8 @@ from parallel_robot_model.robots.contract import (
     Measurement,
     Model,
     PoseMotion,
+    first_sample,
 )
-from parallel_robot_model.robots.feasibility import first_sample
 from parallel_robot_model.robots.joint_load import net_torque
 
 __all__ = [

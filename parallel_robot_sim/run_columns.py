@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.terms.coupling import synchronisation_error
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.robots.contract import Coordinate
-from parallel_robot_model.robots.turning import angles_between, turns_of
+from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
 
 Columns = dict[str, NDArray[Any]]
 

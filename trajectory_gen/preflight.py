@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.common.errors import MotionError
-from parallel_robot_model.robots.feasibility import first_sample
+from parallel_robot_model.robots.contract import first_sample
 from trajectory_gen.trajectory import Reference, Trajectory
 
 MOST_SAMPLES = 100_000  # samples of a motion that are checked

@@ -28,14 +28,15 @@ from parallel_robot_model.robots.contract import (
     Coordinate,
     Estimate,
     Fault,
+    Infeasible,
     JointMotion,
     Location,
     Measurement,
     Model,
     PoseMotion,
+    first_sample,
     no_model,
 )
-from parallel_robot_model.robots.feasibility import Infeasible, first_sample
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 
 PARTS = ('axis', 'machine')

@@ -15,11 +15,49 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from parallel_robot_model.common.errors import apart
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, multiply
-from parallel_robot_model.robots.feasibility import Infeasible
 from parallel_robot_model.robots.joint_load import JointLoad
+
+# Which sample of a motion a robot cannot perform.
+
+
+class Infeasible(NamedTuple):
+    """The first sample of a motion that the robot cannot perform.
+
+    Attributes:
+        sample: Index of the sample.
+        part: Number of the leg or joint that fails, 1-based; None if it is the whole robot.
+        reason: The reason, for people.
+    """
+
+    sample: int
+    part: int | None
+    reason: str
+
+
+def first_sample(
+    bad: NDArray[np.bool_], values: Array, text: str, limit: float | None = None
+) -> Infeasible | None:
+    """The first sample that is bad; None if all are good.
+
+    Args:
+        bad: Which samples are bad, shape (N,), or (N, n) with a column for each leg or joint.
+        values: Values for the text, same shape.
+        text: The reason, with a placeholder for the value, and one for the limit if there is one.
+        limit: What the value is compared with; both get digits enough to differ.
+    """
+    if not bad.any():
+        return None
+    index = tuple(int(i) for i in np.argwhere(bad)[0])
+    part = index[1] + 1 if len(index) == 2 else None
+    value = float(values[index])
+    shown = (value,) if limit is None else apart(value, limit)
+    return Infeasible(index[0], part, text.format(*shown))
+
 
 FOUND = 0  # no fault: there is a pose, and no margin is violated
 REACHED = -1  # no part of the robot is out of reach
@@ -283,3 +321,85 @@ class Robot(Protocol):
             Ends of the lines [m], shape (..., lines, 2, 2), in space (..., lines, 2, 3); empty for
             a robot without a picture.
         """
+
+
+# By how much an end effector in space is turned from where it should be.
+
+PLACE = ('x', 'y', 'z')
+VECTOR = ('rx', 'ry', 'rz')  # components of a rotation vector in the world
+
+
+def turns_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
+    """Components of the rotation vector, 0 to 2, that follow the place in a pose in space."""
+    names = tuple(axis.name for axis in coordinates)
+    if names[:3] != PLACE or not {*names[3:]} <= {*VECTOR}:
+        return ()
+    return tuple(VECTOR.index(name) for name in names[3:])
+
+
+def angles_between(actual: Array, reference: Array, turns: Sequence[int]) -> Array:
+    """Angles of the rotations from some poses to others [rad], shape (N,).
+
+    Args:
+        actual: Poses in space, shape (N, m).
+        reference: Other ones, shape (N, m).
+        turns: See :func:`turns_of`; NaN if there are none.
+    """
+    if not turns:
+        return np.full(len(actual), np.nan)
+    (u, p), (v, q) = (_quaternions(poses, turns) for poses in (actual, reference))
+    apart = p * v - q * u - np.cross(u, v)
+    alike = np.abs(p * q + np.sum(u * v, axis=1, keepdims=True))[:, 0]
+    return np.asarray(2.0 * np.arctan2(np.linalg.norm(apart, axis=1), alike))
+
+
+def _quaternions(poses: Array, turns: Sequence[int]) -> tuple[Array, Array]:
+    """Vectors, shape (N, 3), and scalars, shape (N, 1), of the rotations of poses."""
+    vectors = np.zeros((len(poses), 3))
+    vectors[:, list(turns)] = poses[:, len(PLACE) :]
+    half = 0.5 * np.linalg.norm(vectors, axis=1, keepdims=True)
+    return 0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)
+
+
+# Equations of motion written as linear in their parameters: what identification needs of a robot.
+#
+# A robot module may have an attribute ``linear_model`` of this kind; without it, the robot cannot
+# be identified. The functions are NumPy, not kernels.
+
+
+class LinearModel(Protocol):
+    """M thdd + Q thd + gravity = Y(theta, thd, thdd) p, with p the parameters of the inertia.
+
+    It may have ``sizes(robot)``, magnitudes to which errors of p are compared, shape (P,); without
+    it they are those of `values`.
+
+    Attributes:
+        NAMES: Text that says what the names of p mean.
+    """
+
+    NAMES: str
+
+    def units(self, robot: Any, /) -> dict[str, str]:
+        """Names of p with their units; the later ones are regrouped into the earlier ones."""
+
+    def values(self, robot: Any, /) -> Array:
+        """p of a robot, shape (P,)."""
+
+    def regressor(
+        self, robot: Any, pose: Array, position: Array, velocity: Array, acceleration: Array, /
+    ) -> Array:
+        """Y at each sample; of the robot, the geometry alone counts.
+
+        Args:
+            robot: Parameters of the robot.
+            pose: Poses, shape (N, m).
+            position: Actuated joints [rad], shape (N, n).
+            velocity: Their rates [rad/s], shape (N, n).
+            acceleration: Their accelerations [rad/s^2], shape (N, n).
+
+        Returns:
+            Shape (N, n, P).
+        """
+
+    def free(self, robot: Any, /) -> dict[str, tuple[float, float]]:
+        """Keys of the robot on which p depends, with their physical range."""

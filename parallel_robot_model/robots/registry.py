@@ -34,8 +34,8 @@ from parallel_robot_model.robots.contract import (
     Measurement,
     Robot,
     place_of,
+    turns_of,
 )
-from parallel_robot_model.robots.turning import turns_of
 
 ROBOTS: dict[str, Robot] = {
     'planar_3rrr': planar_3rrr,

@@ -34,15 +34,16 @@ from parallel_robot_model.robots.contract import (
     Coordinate,
     Estimate,
     Fault,
+    Infeasible,
     JointMotion,
     Location,
     Margin,
     Measurement,
     Model,
     PoseMotion,
+    first_sample,
     no_model,
 )
-from parallel_robot_model.robots.feasibility import Infeasible, first_sample
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_model.robots.link_checks import check_links
 

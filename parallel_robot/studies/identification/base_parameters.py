@@ -14,7 +14,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.linear_model import LinearModel
+from parallel_robot_model.robots.contract import LinearModel
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 

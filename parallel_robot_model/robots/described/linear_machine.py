@@ -39,7 +39,7 @@ SAMPLES = 1000  # at once, which bounds the memory
 
 
 class LinearMachine:
-    """See :class:`parallel_robot_model.robots.linear_model.LinearModel`."""
+    """See :class:`parallel_robot_model.robots.contract.LinearModel`."""
 
     NAMES = (
         'of the link that a joint moves, in its frame: mass m, mass times centre of mass mx, my, '

@@ -26,8 +26,10 @@ from parallel_robot_model.robots.contract import (
     FOUND,
     Coordinate,
     Geometry,
+    Infeasible,
     Margin,
     Reach,
+    first_sample,
     place_of,
 )
 from parallel_robot_model.robots.described import kernels, parameters
@@ -43,7 +45,6 @@ from parallel_robot_model.robots.described.parameters import MotionLimits, Param
 from parallel_robot_model.robots.described.pose_slopes import pose_slopes
 from parallel_robot_model.robots.described.shifting import loops, shifted
 from parallel_robot_model.robots.described.tree import DescribedTree
-from parallel_robot_model.robots.feasibility import Infeasible, first_sample
 
 LINES = 'link'  # name of the only part of its picture
 SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3}  # of a link

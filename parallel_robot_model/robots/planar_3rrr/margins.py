@@ -8,8 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Fault, Margin
-from parallel_robot_model.robots.feasibility import Infeasible, first_sample
+from parallel_robot_model.robots.contract import Fault, Infeasible, Margin, first_sample
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
