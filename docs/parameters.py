@@ -12,9 +12,9 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import Parameter, parameters, words
 from parallel_robot_model.robots import planar_3rrr
-from parallel_robot_model.robots.configuration import resolve
 from parallel_robot_model.robots.described.parameters import MotionLimits, SafetyMargins
 from parallel_robot_model.robots.described.parameters import Parameters as Described
+from parallel_robot_model.robots.registry import resolve
 from parallel_robot_sim.parameter_groups import groups
 
 HEAD = """# Parameters

@@ -33,9 +33,8 @@ from parallel_robot_model.configuration.fields import (
 )
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
+from parallel_robot_model.robots.registry import RobotModel, module_of, robot_of, robot_with
 from trajectory_gen import configuration as motion
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.shapes import shapes

@@ -12,7 +12,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters
@@ -83,7 +83,7 @@ DECLARED = (
 def declared(robot: Robot) -> Declared:
     """Groups of the plant."""
     yield 'true_robot', robot.Parameters
-    yield from model.LOADS
+    yield from registry.JOINT_LOADS
     yield 'safety', SafetyParameters
     yield from DECLARED
 
@@ -101,7 +101,7 @@ def configure(values: Mapping[str, Any]) -> Configuration:
         groups = build_groups(
             values,
             [
-                *model.declared(robot),
+                *registry.declared_groups(robot),
                 *motion.declared(robot, known),
                 *control.declared(robot, laws),
                 *DECLARED,

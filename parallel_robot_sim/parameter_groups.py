@@ -9,7 +9,7 @@ from parallel_robot_control import configuration as control
 from parallel_robot_control.contract import Law
 from parallel_robot_model.configuration.fields import Parameter, parameters
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_sim.configuration import DECLARED
 from trajectory_gen import configuration as motion
@@ -29,7 +29,7 @@ def groups(
     return {
         'The loop': [('', LoopParameters)],
         'Robots and loads; `true_robot.*`, the simulated one, follows `robot.*`': [
-            *model.declared(robot)
+            *registry.declared_groups(robot)
         ],
         'Motion': [*motion.declared(robot, {})],
         'Shapes of the motion': [*motion.of_shapes(shapes)],

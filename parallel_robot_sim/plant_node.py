@@ -22,7 +22,7 @@ from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.robots.configuration import resolve
+from parallel_robot_model.robots.registry import resolve
 from parallel_robot_sim.configuration import configure_plant, declared
 from parallel_robot_sim.mujoco_simulator import simulator_of
 from parallel_robot_sim.plant_run import ENDLESS, REPEAT, PlantRun

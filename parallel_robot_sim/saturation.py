@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 
 SATURATED = 'the motors were at their limit (plant.torque_limit, {0} {2}) in {1} % of the samples'
 

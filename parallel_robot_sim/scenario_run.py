@@ -18,7 +18,7 @@ from parallel_robot_model.common.errors import Frame, InputError, pandas, printa
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.plain_data import Placed, merged
-from parallel_robot_model.robots.configuration import is_known, robot_of, units_of
+from parallel_robot_model.robots.registry import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_remarks

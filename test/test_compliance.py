@@ -10,7 +10,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, read_row, write_row
 from parallel_robot_model.configuration import config
-from parallel_robot_model.robots.configuration import resolve, robot_of
+from parallel_robot_model.robots.registry import resolve, robot_of
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import configure, configure_plant
 from parallel_robot_sim.delay_line import sample_at

@@ -16,9 +16,9 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics
-from parallel_robot_model.robots import configuration as model
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.shapes import SHAPES
 from trajectory_gen.trajectory import TrajectoryParameters
@@ -250,7 +250,7 @@ def test_a_package_without_its_files_says_so(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize(
     'resolve',
-    [config.resolve, model.resolve, configuration.resolve],
+    [config.resolve, registry.resolve, configuration.resolve],
     ids=['base', 'model', 'control'],
 )
 def test_every_floor_takes_the_gains_of_a_custom_law(resolve):

@@ -20,8 +20,8 @@ from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli.command_line import main
 from parallel_robot.python.notebook import load, metrics
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_model.robots.registry import robot_of
 
 pytest_plugins = ['warm_trials']
 pytestmark = pytest.mark.usefixtures('warm_trials')

@@ -14,9 +14,9 @@ from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_model.mechanisms.skeleton import drawn
 from parallel_robot_model.messages.topics import FRAME
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND, PoseMotion
 from parallel_robot_model.robots.link import frames as link_frames
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_model.robots.tree import angles_of, links_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import simulate

@@ -11,7 +11,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies.identification import bag_identification, base_parameters
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure
 
 MASSES = [1.2, 0.9, 1.1, 1.05]  # of the links of the five-bar, relative

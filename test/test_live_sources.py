@@ -20,7 +20,7 @@ from parallel_robot.live.readable_state import setup
 from parallel_robot.live.source import Description, RefusedError
 from parallel_robot.watch.robots import OK, Robots
 from parallel_robot_model.common.errors import UnknownNameError
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 
 @pytest.fixture(scope='module')

@@ -10,8 +10,8 @@ from vectors import boxed
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.config import directory, resolve
 from parallel_robot_model.robots import planar_3rrr, serial_2r
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import REACHED, PoseMotion
+from parallel_robot_model.robots.registry import robot_of
 
 MACHINES = directory() / 'machines'
 # Joints (a ball counts three), actuated ones, independent closures, idle rods, moving mass [kg].

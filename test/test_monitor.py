@@ -9,8 +9,8 @@ from parallel_robot.analysis.monitor import Monitor, MonitorParameters
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import robot_of
 
 START = 10**9  # ns
 MS = 10**6  # ns

@@ -9,7 +9,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.mechanisms import closing, closures, dynamics
 from parallel_robot_model.mechanisms.workspace import boxed
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_machine import MujocoMachine, built
 from parallel_robot_sim.mujoco_simulator import MujocoSimulator, simulator_of

@@ -7,7 +7,7 @@ from geometry import legs
 from parallel_robot_model.common.errors import DRIVEN_OUT
 from parallel_robot_model.configuration.loop import STEP_START, WAIT
 from parallel_robot_model.messages import cdr
-from parallel_robot_model.robots.configuration import resolve
+from parallel_robot_model.robots.registry import resolve
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun

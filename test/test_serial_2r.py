@@ -12,12 +12,12 @@ from parallel_robot_model.common.errors import InputError, KinematicsError, Robo
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import build
 from parallel_robot_model.robots import serial_2r as module
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
 from parallel_robot_model.robots.disturbance import DisturbanceParameters
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import robot_of
 
 serial_2r = OnVectors(module)
 ARM = serial_2r.Parameters(

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import points
-from parallel_robot_model.robots.configuration import resolve, robot_of
+from parallel_robot_model.robots.registry import resolve, robot_of
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.orientation_path import as_poses, continuous
 

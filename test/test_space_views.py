@@ -26,10 +26,10 @@ from parallel_robot.analysis.video import scene as scenes
 from parallel_robot.live.frames import HEADER, Camera
 from parallel_robot.live.frames import Motion as States
 from parallel_robot_control.configuration import nominal_of, resolve
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
 from parallel_robot_model.robots.link import SLIDES, TURNS, frames
 from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motion, Poses
 from parallel_robot_sim.run_columns import of_poses

@@ -8,8 +8,8 @@ from vectors import on_vectors
 
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.robots import friction
-from parallel_robot_model.robots.configuration import resolve
 from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.registry import resolve
 
 INERTIA = np.array([0.03, 0.05])
 STIFFNESS, DAMPING, COULOMB, STRIBECK, FALL = 2e3, 5.0, 0.5, 0.3, 0.05

@@ -9,7 +9,7 @@ from parallel_robot.analysis.readable_metrics import as_data, whole
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS
 from parallel_robot.studies.sweep.table import METRICS
 from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits, all_of
-from parallel_robot_model.robots.configuration import resolve, units_of
+from parallel_robot_model.robots.registry import resolve, units_of
 from parallel_robot_sim.motions import Motion, Motions, Poses
 from parallel_robot_sim.run_columns import JointColumns, of_joints
 

@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Reader
 from parallel_robot.analysis.posture import posture_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.configuration import config
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 VIEWS = Path(__file__).parents[1] / 'config' / 'views'
 GENERATOR = np.random.default_rng(2)

@@ -7,8 +7,8 @@ import parallel_robot as pr
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import corrected
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.poses import poses_of
+from parallel_robot_model.robots.registry import robot_of
 
 ZERO = [3e-4, -2e-4, 1e-4]
 

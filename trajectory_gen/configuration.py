@@ -15,7 +15,7 @@ from parallel_robot_model.configuration.config import Modules
 from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.plain_data import locating, places_of
-from parallel_robot_model.robots import configuration as model
+from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from trajectory_gen import hold, waypoints
@@ -234,7 +234,7 @@ def load(values: Mapping[str, Any]) -> Modules:
     Raises:
         InputError: one cannot be loaded.
     """
-    loaded = model.load(values)
+    loaded = registry.load_robots(values)
     shapes = custom_trajectories(config.module_files(values, 'custom_trajectories'))
     return loaded._replace(
         shapes={name: fields.defaults(one.Parameters, f'{name}.') for name, one in shapes.items()}

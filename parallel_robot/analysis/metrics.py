@@ -14,8 +14,8 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.terms.coupling import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
 from parallel_robot_model.common.units import HINGES, JointUnits
-from parallel_robot_model.robots.configuration import is_known, robot_of
 from parallel_robot_model.robots.contract import angles_between
+from parallel_robot_model.robots.registry import is_known, robot_of
 from parallel_robot_sim.motions import Left, Motion, Motions, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 

@@ -16,7 +16,7 @@ from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import COMMANDS, REFERENCE
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import Located, Motion

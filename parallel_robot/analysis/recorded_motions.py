@@ -19,7 +19,7 @@ from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.messages.topics import REFERENCE
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim import plant_again
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along

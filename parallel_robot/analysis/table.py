@@ -16,7 +16,7 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE, Topic
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.run_columns import Columns, JointColumns, of_joints, of_poses
 
 NEEDED = (SLIDING_VARIABLE,)  # topics that are to be read beside the run

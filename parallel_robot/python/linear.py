@@ -8,9 +8,9 @@ from typing import Any
 
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots import linearisation
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters
 from parallel_robot_model.robots.linearisation import StateSpace
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.scenario_run import changes, named
 from trajectory_gen.configuration import resolve
 

@@ -22,8 +22,8 @@ from parallel_robot.studies.verification import (
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.described.default_values import at_home
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.mujoco_machine import MujocoMachine
 
 POSE = 0.05  # of the length of the machine, or rad, about the initial pose

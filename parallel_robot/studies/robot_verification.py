@@ -12,8 +12,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.plain_data import merged
-from parallel_robot_model.robots.configuration import load
-from parallel_robot_model.robots.registry import KERNELS
+from parallel_robot_model.robots.registry import KERNELS, load_robots
 from parallel_robot_model.robots.robot_checks import RATE, Check, checks
 from parallel_robot_sim.configuration import configure_plant
 
@@ -65,5 +64,5 @@ def values_of(given: Mapping[str, Any]) -> dict[str, Any]:
         InputError: a value is wrong.
     """
     scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
-    own = load(given).defaults({'robot_model': '', **given})  # of its poses, say
+    own = load_robots(given).defaults({'robot_model': '', **given})  # of its poses, say
     return resolve(scenario, merged([own, given]))

@@ -10,8 +10,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.configuration import resolve, robot_of
-from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_model.robots.registry import RobotModel, resolve, robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.simulator import Simulator

@@ -21,8 +21,10 @@ from parallel_robot_model.compiler import (
     shape_of,
 )
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.fields import Field, check, defaults, group
-from parallel_robot_model.configuration.loop import LoopParameters
+from parallel_robot_model.configuration.config import Modules
+from parallel_robot_model.configuration.fields import Declared, Field, check, defaults, group
+from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.processes import custom_module
 from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import distinguish
@@ -36,6 +38,8 @@ from parallel_robot_model.robots.contract import (
     place_of,
     turns_of,
 )
+from parallel_robot_model.robots.disturbance import DisturbanceParameters
+from parallel_robot_model.robots.friction import FrictionParameters
 
 ROBOTS: dict[str, Robot] = {
     'planar_3rrr': planar_3rrr,
@@ -273,3 +277,68 @@ def default_values(name: str, robot: Any) -> dict[str, Any]:
     if len(known) == len(robot.Parameters._fields):
         given = defaults(robot.Parameters, 'robot.') | given
     return given
+
+
+# From a configuration to its robots.
+
+JOINT_LOADS = (('friction', FrictionParameters), ('disturbance', DisturbanceParameters))
+
+
+def declared_groups(robot: Robot) -> Declared:
+    """Groups of the robots, nominal and true, and of the loads of their joints."""
+    yield 'robot', robot.Parameters
+    yield 'true_robot', robot.Parameters
+    yield from JOINT_LOADS
+
+
+def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
+    """The robot of a resolved configuration; `prefix` ``true_robot`` is that of the plant.
+
+    Raises:
+        InputError: a parameter is wrong, or the number of joints differs from that of their names.
+    """
+    loop = loop_of(values)
+    with locating(values):
+        module = module_of(loop)
+        return robot_with(module, loop, group(values, module.Parameters, prefix), prefix)
+
+
+def is_known(values: Mapping[str, Any]) -> bool:
+    """Whether the robot is one of the suite, or the configuration has its file or description."""
+    known = robots(values['custom_robots'])
+    return bool(values.get('robot_description')) or values['robot_model'] in known
+
+
+def units_of(values: Mapping[str, Any]) -> JointUnits:
+    """Units of the joints of a resolved configuration; those of hinges if its robot is unknown."""
+    try:
+        return robot_of(values).joint_units if is_known(values) else HINGES
+    except (InputError, KeyError):  # of a bag, what it has of a configuration
+        return HINGES
+
+
+def load_robots(values: Mapping[str, Any]) -> Modules:
+    """Load the custom robots that a configuration, or a change of one, names.
+
+    Raises:
+        InputError: one cannot be loaded.
+    """
+    own = custom_robots(config.module_files(values, 'custom_robots'))
+    values_of = {name: default_values(name, robot) for name, robot in own.items()}
+    return Modules(robots=values_of, described=_described)
+
+
+def _described(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Defaults of the machine that a configuration describes."""
+    from parallel_robot_model.robots.described import robot  # it takes long to load
+
+    return robot.default_values(values)
+
+
+def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """A configuration with the defaults of a custom robot; see :func:`config.resolve`.
+
+    Gains of custom laws and parameters of custom trajectories are left as they are: their files
+    are not loaded.
+    """
+    return config.resolve(scenario, overrides, load_robots(overrides or {}))

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot.analysis.report.plots import packed
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 RATE = 50.0  # Hz, of the frames
 MOST = 1500  # frames of a long run

@@ -20,7 +20,7 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.terms.coupling import synchronisation_error
 from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.motions import Motion, Poses
 
 FORMATS = ('.png', '.pdf', '.svg')

@@ -12,7 +12,7 @@ from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.space_views import oblique
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot_model.common.errors import BagError, InputError
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.motions import Motion, Poses
 
 MOST = 4  # runs side by side

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.robots.configuration import is_known
+from parallel_robot_model.robots.registry import is_known
 from trajectory_gen.shapes import shapes
 
 

@@ -11,7 +11,7 @@ from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import RECORDED, REFERENCE, Topic
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 BASE = 'paper_circle'  # what a bag without a configuration is taken to be of
 NAMES = {topic.name.rpartition('/')[2]: topic for topic in RECORDED} | {

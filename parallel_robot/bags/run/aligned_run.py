@@ -24,7 +24,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.imperfections import reported_age
 
 

@@ -18,7 +18,7 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.robots.configuration import is_known, load
+from parallel_robot_model.robots.registry import is_known, load_robots
 
 Result = TypeVar('Result')
 
@@ -153,7 +153,7 @@ def _known(bag: Path, found: Recording, code: RobotCode) -> dict[str, Any]:
             raise BagError(f'{bag} does not hold the robot {name}; --set {KEY}=[FILE] gives it')
         if not is_known(values) and code.files:
             raise BagError(f'{bag} is of the robot {name}, but {KEY} has no file {name}.py')
-    return {**load(values).robots.get(name, {}), **values}
+    return {**load_robots(values).robots.get(name, {}), **values}
 
 
 def unknown(values: Mapping[str, Any]) -> str:

@@ -12,7 +12,7 @@ from parallel_robot.bags.run.counts import TopicCount
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import JointUnits
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 
 EMPTY = np.zeros((0, 0))
 

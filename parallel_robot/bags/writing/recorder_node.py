@@ -25,7 +25,7 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 CHECK = 0.05  # s, how often to check whether the motion is over
 LOOK = 0.5  # s, how often to look at the ROS graph

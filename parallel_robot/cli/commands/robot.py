@@ -14,7 +14,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config_files
 from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 PICTURES = ('.png', '.pdf', '.svg')
 

@@ -16,7 +16,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 
 DEFAULT = 'protocol_1'
 KEYS = (

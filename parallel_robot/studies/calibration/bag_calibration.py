@@ -42,8 +42,7 @@ from parallel_robot_model.common.errors import (
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import known
-from parallel_robot_model.robots.configuration import is_known
-from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_model.robots.registry import RobotModel, is_known
 
 GAP = 0.02  # s between two states, beyond which nobody knows the joints in between
 MOST = 20_000  # poses that are used

@@ -15,7 +15,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 
 TRIALS = 2500
 SEED = 0

@@ -26,9 +26,8 @@ from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.configuration import robot_of
 from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_model.robots.registry import RobotModel, robot_of
 
 LATEST = 0.02  # s, largest delay that is looked for
 COUNTS = 0.2  # of a period, a delay that is taken into account

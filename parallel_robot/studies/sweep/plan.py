@@ -30,7 +30,7 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged
-from parallel_robot_model.robots.configuration import units_of
+from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
 from trajectory_gen.motion_length import with_duration

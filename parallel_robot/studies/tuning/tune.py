@@ -29,7 +29,7 @@ from parallel_robot.studies.tuning.weights import Weights
 from parallel_robot_control.configuration import available
 from parallel_robot_control.contract import Law
 from parallel_robot_model.common.errors import InputError, RunError
-from parallel_robot_model.robots.configuration import robot_of
+from parallel_robot_model.robots.registry import robot_of
 
 Choice = dict[str, Value] | None
 AT_ONCE = 8  # runs of a trial in one task
