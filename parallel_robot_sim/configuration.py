@@ -14,9 +14,11 @@ from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.joint_load import (
+    DisturbanceParameters,
+    FrictionParameters,
+    JointLoad,
+)
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from parallel_robot_sim.drives import ComplianceParameters, StictionParameters, drive_of
 from parallel_robot_sim.imperfections import (

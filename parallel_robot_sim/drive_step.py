@@ -6,7 +6,7 @@ With the angle a of a rotor referred to its joint q, stiffness K, damping D and 
     J d2a/dt2 = torque - s;  the robot moves as ever, with s in place of the torque.
 
 Dry friction is that of bristles with the deflection z, which in steady motion is the one of
-:mod:`parallel_robot_model.robots.friction`, with g = coulomb + stribeck exp(-(v / v_s)^2):
+:mod:`parallel_robot_model.robots.joint_load`, with g = coulomb + stribeck exp(-(v / v_s)^2):
 
     dz/dt = v - stiffness |v| / g z,  friction = stiffness z + damping dz/dt
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Field, PerJoint
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 
 MOTOR, JOINT = 'motor', 'joint'  # where sensors are
 

@@ -10,9 +10,11 @@ from parallel_robot_model.common.errors import InputError, RobotError
 from parallel_robot_model.configuration.fields import build
 from parallel_robot_model.robots import axes as module
 from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.joint_load import (
+    DisturbanceParameters,
+    FrictionParameters,
+    JointLoad,
+)
 
 axes = OnVectors(module)
 INERTIA = (0.1, 0.25, 0.5, 0.15, 0.4)

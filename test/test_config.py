@@ -17,7 +17,7 @@ from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics
 from parallel_robot_model.robots import registry
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.plant import PlantParameters
 from trajectory_gen.shapes import SHAPES

@@ -5,7 +5,7 @@ from assembly import make_plant, open_loop
 
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.disturbance import DisturbanceParameters, disturbance_torque
+from parallel_robot_model.robots.joint_load import DisturbanceParameters, disturbance_torque
 
 DISTURBED = config.resolve('disturbed_circle')
 DISTURBANCE = group(DISTURBED, DisturbanceParameters, 'disturbance')

@@ -8,9 +8,11 @@ from vectors import OnVectors, boxed
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.contract import PoseMotion
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.joint_load import (
+    DisturbanceParameters,
+    FrictionParameters,
+    JointLoad,
+)
 from parallel_robot_model.robots.planar_3rrr.dynamics import (
     actuated_dynamics,
     pose_coriolis,

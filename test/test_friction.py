@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vectors import on_vectors
 
-from parallel_robot_model.robots import friction
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots import joint_load
+from parallel_robot_model.robots.joint_load import FrictionParameters
 
-friction_torque = on_vectors(friction.friction_torque)
+friction_torque = on_vectors(joint_load.friction_torque)
 PAPER = FrictionParameters((2.5, 2.5, 2.5), (0.5, 0.5, 0.5), (0.0,) * 3, 0.01, 0.0)
 UNEVEN = FrictionParameters((1.0, 2.0, 3.0), (0.1, 0.2, 0.4), (0.0,) * 3, 0.01, 0.0)
 

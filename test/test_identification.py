@@ -25,7 +25,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.units import HINGES
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import robot_of
 
 CUTOFF = 10.0  # Hz

@@ -10,9 +10,12 @@ from vectors import OnVectors, on_vectors
 
 from parallel_robot_model.configuration.fields import build, parameters
 from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.joint_load import JointLoad, net_torque
+from parallel_robot_model.robots.joint_load import (
+    DisturbanceParameters,
+    FrictionParameters,
+    JointLoad,
+    net_torque,
+)
 from parallel_robot_model.robots.registry import ROBOTS as MODULES
 
 ROBOTS = {name: OnVectors(module) for name, module in MODULES.items()}

@@ -13,9 +13,11 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import build
 from parallel_robot_model.robots import serial_2r as module
 from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, inverse_dynamics
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
-from parallel_robot_model.robots.joint_load import JointLoad
+from parallel_robot_model.robots.joint_load import (
+    DisturbanceParameters,
+    FrictionParameters,
+    JointLoad,
+)
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import robot_of
 

@@ -7,8 +7,8 @@ from test_compliance import FREE, H, axes, course
 from vectors import on_vectors
 
 from parallel_robot.cli.command_line import main
-from parallel_robot_model.robots import friction
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots import joint_load
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import resolve
 
 INERTIA = np.array([0.03, 0.05])
@@ -78,7 +78,7 @@ def test_in_steady_motion_it_is_the_curve_of_stribeck(torque):
     viscous = 0.2
     _, rates = moved(ramp(torque, 0.1, 6.0), **{'friction.viscous': viscous})
     curve = FrictionParameters((viscous,) * 2, (COULOMB,) * 2, (STRIBECK,) * 2, FALL, 0.0)
-    slides = on_vectors(friction.friction_torque)(curve, rates[-1])
+    slides = on_vectors(joint_load.friction_torque)(curve, rates[-1])
     assert slides == pytest.approx(np.full(2, torque), rel=1e-6)
 
 

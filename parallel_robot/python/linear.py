@@ -8,7 +8,7 @@ from typing import Any
 
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots import linearisation
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.linearisation import StateSpace
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.scenario_run import changes, named

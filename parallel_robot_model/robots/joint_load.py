@@ -2,12 +2,68 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Annotated, NamedTuple
+
+import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.robots.disturbance import DisturbanceParameters, disturbance_torque
-from parallel_robot_model.robots.friction import FrictionParameters, friction_torque
+from parallel_robot_model.compiler import clip, kernel, select, some, vector
+from parallel_robot_model.configuration.fields import Field, PerJoint
+
+# Viscous friction, dry friction and the Stribeck effect of the actuated joints.
+
+
+class FrictionParameters(NamedTuple):
+    """fr = viscous thd + (coulomb + stribeck exp(-(thd / stribeck_velocity)^2)) sgn(thd).
+
+    Source:
+        Doan, Le, Vo (2019), section 4, with thd_2 for the misprinted thd_1 of the second joint;
+        Armstrong-Helouvry, Dupont, Canudas de Wit (1994), Automatica 30(7), eq. (2.3), for the
+        Stribeck effect.
+    """
+
+    viscous: Annotated[PerJoint, Field('N m s/rad', 'viscous friction per joint', 0.0)]
+    coulomb: Annotated[PerJoint, Field('N m', 'dry friction per joint', 0.0)]
+    stribeck: Annotated[PerJoint, Field('N m', 'more dry friction at rest, per joint', 0.0)]
+    stribeck_velocity: Annotated[float, Field('rad/s', 'at which a third of it is left', 1e-6)]
+    smoothing: Annotated[float, Field('rad/s', 'half width of a linear sgn; 0: exact', 0.0)]
+
+
+@kernel
+def friction_torque(friction: FrictionParameters, velocity: Array) -> Array:
+    """Torque against the motion [N m], shape (n,); `velocity` [rad/s], shape (n,)."""
+    smooth = clip(velocity / friction.smoothing, -1.0, 1.0)
+    sign = select(friction.smoothing > 0.0, smooth, np.sign(velocity))
+    dry, more = vector(friction.coulomb), vector(friction.stribeck)
+    if some(more != 0.0):
+        share = velocity / friction.stribeck_velocity
+        dry = dry + more * np.exp(-share * share)
+    return vector(friction.viscous) * velocity + dry * sign
+
+
+# Torque disturbance of the actuated joints.
+
+
+class DisturbanceParameters(NamedTuple):
+    """delta_i = amplitude_i sin(2 pi frequency t + phase_i), eq. (1).
+
+    The paper specifies no disturbance, so it is zero in its scenarios.
+    """
+
+    amplitude: Annotated[PerJoint, Field('N m', 'amplitude per joint', 0.0)]
+    frequency: Annotated[float, Field('Hz', 'frequency, the same for all joints', 0.0)]
+    phase: Annotated[PerJoint, Field('rad', 'phase per joint')]
+
+
+@kernel
+def disturbance_torque(disturbance: DisturbanceParameters, time: float) -> Array:
+    """Torque that opposes the motors [N m], shape (n,), at `time` since the start [s]."""
+    amplitude, angle = vector(disturbance.amplitude), vector(disturbance.phase)
+    if some(amplitude != 0.0):
+        angle = angle + 2.0 * math.pi * disturbance.frequency * time
+        return amplitude * np.sin(angle)
+    return np.zeros_like(amplitude)
 
 
 class JointLoad(NamedTuple):

@@ -38,8 +38,7 @@ from parallel_robot_model.robots.contract import (
     place_of,
     turns_of,
 )
-from parallel_robot_model.robots.disturbance import DisturbanceParameters
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import DisturbanceParameters, FrictionParameters
 
 ROBOTS: dict[str, Robot] = {
     'planar_3rrr': planar_3rrr,

@@ -24,7 +24,7 @@ from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Reference
 

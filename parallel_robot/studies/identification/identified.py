@@ -26,7 +26,7 @@ from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.friction import FrictionParameters
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import RobotModel, robot_of
 
 LATEST = 0.02  # s, largest delay that is looked for
