@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots import linearisation
+from parallel_robot_model.robots import poses
 from parallel_robot_model.robots.joint_load import FrictionParameters
-from parallel_robot_model.robots.linearisation import StateSpace
+from parallel_robot_model.robots.poses import StateSpace
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.scenario_run import changes, named
 from trajectory_gen.configuration import resolve
@@ -47,4 +47,4 @@ def linearise(
     margins = group(configuration, robot.module.SafetyMargins, 'safety')
     friction = group(configuration, FrictionParameters, 'friction')
     where = configuration['plant.initial_pose'] if pose is None else pose
-    return linearisation.linearise(robot, margins, where, friction.viscous)
+    return poses.linearise(robot, margins, where, friction.viscous)
