@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
 
 Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
@@ -88,3 +89,33 @@ def _rotated(quaternions: Array, vectors: Array) -> Array:
     apart = 2.0 * np.cross(u, vectors)
     turned: Array = vectors + w * apart + np.cross(u, apart)
     return turned
+
+
+# Checks of the parameters of links: lengths, masses, inertias and centres of mass.
+
+CENTRES = (('lc1', 'l1'), ('lc2', 'l2'))  # keys: centre of mass of a link, and its length
+
+
+def check_links(robot: Any, positive: Sequence[str], name: str) -> None:
+    """Check a robot with a proximal and a distal link.
+
+    Args:
+        robot: Its parameters.
+        positive: Keys that must be positive.
+        name: Prefix of the keys in messages.
+
+    Raises:
+        RobotError: one of them is not positive, or a centre of mass lies outside its link.
+    """
+    for key in positive:
+        if not getattr(robot, key) > 0.0:
+            value, key = getattr(robot, key), f'{name}.{key}'
+            raise RobotError(f'{key} must be positive, not {value:g}', key)
+    for key, link in CENTRES:
+        centre, length = getattr(robot, key), getattr(robot, link)
+        if not 0.0 <= centre <= length:
+            raise RobotError(
+                f'{name}.{key} must lie on its link, from 0 to {link} = {length:g} m, '
+                f'not {centre:g}',
+                f'{name}.{key}',
+            )

@@ -45,7 +45,7 @@ from parallel_robot_model.robots.contract import (
     no_model,
 )
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
-from parallel_robot_model.robots.link_checks import check_links
+from parallel_robot_model.robots.link import check_links
 
 PARTS = ('joint', 'arm')
 PLANAR = True

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.link_checks import check_links
+from parallel_robot_model.robots.link import check_links
 
 
 class RobotParameters(NamedTuple):
