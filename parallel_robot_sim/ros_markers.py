@@ -14,7 +14,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_model.robots.urdf import COLOURS, OTHER, WIDTH
+from parallel_robot_model.robots.tree import COLOURS, OTHER, WIDTH
 
 PATH = ColorRGBA(r=0.85, g=0.20, b=0.25, a=1.0)
 

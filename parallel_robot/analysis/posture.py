@@ -16,8 +16,7 @@ from parallel_robot_model.messages.topics import MARKERS_EVERY
 from parallel_robot_model.robots.link import FIXED
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_model.robots.tree import angles_of, links_of, needs_pose
-from parallel_robot_model.robots.urdf import urdf
+from parallel_robot_model.robots.tree import angles_of, links_of, needs_pose, urdf
 
 
 class Posture:

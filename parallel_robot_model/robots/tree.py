@@ -9,14 +9,18 @@ the robot has no URDF and no frames. A closed chain is cut open; its angles clos
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.link import TURNS, Link
+from parallel_robot_model.messages.topics import FRAME
+from parallel_robot_model.robots.link import FIXED, SLIDES, TURNS, Link, Point, in_space
 from parallel_robot_model.robots.registry import RobotModel
 
 
@@ -68,3 +72,96 @@ def _tree(robot: RobotModel) -> Any:
         raise InputError(f'{robot.name} says nothing of its links: it has no tree (docs/views.md)')
     module: Any = robot.module
     return module.tree
+
+
+# The description of a robot that RViz, Foxglove, MuJoCo and others read: URDF.
+
+WIDTH = 0.012  # m, of the bars of the picture
+COLOURS = {
+    'proximal': (0.16, 0.32, 0.75),
+    'distal': (0.40, 0.62, 0.90),
+    'platform': (0.95, 0.60, 0.15),
+}
+OTHER = (0.5, 0.5, 0.5)  # colour of parts with other names
+MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
+
+
+def urdf(name: str, links: Sequence[Link]) -> str:
+    """A robot as URDF.
+
+    Args:
+        name: Of the robot.
+        links: Its links, each after its parent.
+    """
+    robot = Element('robot', name=name)
+    SubElement(robot, 'link', name=FRAME)
+    for link in links:
+        _add_link(robot, link)
+        _add_joint(robot, link)
+    ElementTree.indent(robot)
+    return ElementTree.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
+
+
+def _add_link(robot: Element, link: Link) -> None:
+    element = SubElement(robot, 'link', name=link.name)
+    for ends in link.lines:
+        (x1, y1, z1), (x2, y2, z2) = map(in_space, ends)
+        visual = SubElement(element, 'visual')
+        pitch, yaw = (
+            math.atan2(z1 - z2, math.hypot(x2 - x1, y2 - y1)),
+            math.atan2(y2 - y1, x2 - x1),
+        )
+        middle = (x1 + x2) / 2.0, (y1 + y2) / 2.0, (z1 + z2) / 2.0
+        _add_origin(visual, middle, (0.0, pitch, yaw))
+        length = math.dist((x1, y1, z1), (x2, y2, z2))
+        SubElement(SubElement(visual, 'geometry'), 'box', size=_text(length, WIDTH, WIDTH))
+        part = link.name.rstrip('0123456789')
+        material = SubElement(visual, 'material', name=part)
+        SubElement(material, 'color', rgba=_text(*COLOURS.get(part, OTHER), 1.0))
+    if (isinstance(link.inertia, tuple) and not link.mass) or link.kind == FIXED:
+        return
+    inertial = SubElement(element, 'inertial')
+    _add_origin(inertial, link.centre)
+    SubElement(inertial, 'mass', value=_text(link.mass))
+    SubElement(inertial, 'inertia', _moments(link))
+
+
+def _moments(link: Link) -> dict[str, str]:
+    """Moments of inertia of a link; of one in a plane all are izz, which alone acts."""
+    if isinstance(link.inertia, tuple):
+        return {key: _text(value) for key, value in zip(MOMENTS, link.inertia, strict=True)}
+    moments = dict.fromkeys(('ixx', 'iyy', 'izz'), _text(link.inertia))
+    return moments | dict.fromkeys(('ixy', 'ixz', 'iyz'), '0')
+
+
+def _add_joint(robot: Element, link: Link) -> None:
+    joint = SubElement(robot, 'joint', name=link.joint, type=link.kind)
+    SubElement(joint, 'parent', link=link.parent)
+    SubElement(joint, 'child', link=link.name)
+    _add_origin(joint, link.origin, _angles(link.rotation))
+    if link.kind != FIXED:
+        SubElement(joint, 'axis', xyz=_text(*link.axis))
+    if link.kind == SLIDES:
+        lower, upper = map(_text, link.travel)
+        SubElement(joint, 'limit', lower=lower, upper=upper, effort='0', velocity='0')
+
+
+def _angles(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float]:
+    """Roll, pitch and yaw of a rotation [rad]."""
+    x, y, z, w = quaternion
+    across = math.hypot(w * w + x * x - y * y - z * z, 2.0 * (x * y + w * z))
+    pitch = math.atan2(2.0 * (w * y - x * z), across)
+    if across < 1e-9:  # roll and yaw are about one axis
+        return 2.0 * math.atan2(x, w), pitch, 0.0
+    roll = math.atan2(2.0 * (w * x + y * z), w * w - x * x - y * y + z * z)
+    return roll, pitch, math.atan2(2.0 * (x * y + w * z), w * w + x * x - y * y - z * z)
+
+
+def _add_origin(
+    parent: Element, point: Point, angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> None:
+    SubElement(parent, 'origin', xyz=_text(*in_space(point)), rpy=_text(*angles))
+
+
+def _text(*numbers: float) -> str:
+    return ' '.join(f'{number:.12g}' for number in numbers)
