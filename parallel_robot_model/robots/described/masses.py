@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
-from parallel_robot_model.robots.described.parameters import Parameters
+from parallel_robot_model.common.errors import KinematicsError, printable
+from parallel_robot_model.common.units import Array
+from parallel_robot_model.mechanisms.description.machine import Machine
+from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HINGE, Mechanism
+from parallel_robot_model.robots.described.parameters import FAULTS, Parameters
 
 
 class Masses(NamedTuple):
@@ -92,3 +97,175 @@ def _inertia(extent: Any) -> Any:
 def _second_moments(inertia: Any) -> Any:
     """The second moments of a body by its inertia, shape (..., 3, 3)."""
     return 0.5 * np.trace(inertia, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - inertia
+
+
+# Equations of motion of any machine, linear in ten numbers of each link and in the rotors.
+#
+# In the frame of a link, with w and alpha its rate and angular acceleration, a the acceleration of
+# its origin against gravity, and J_v, J_w the motion of that origin and the rate by those of the
+# actuated joints:
+#
+#     torque = J_v^T f + J_w^T n
+#     f = m a + alpha x h + w x (w x h),  n = h x a + I alpha + w x (I w)
+#
+# Source:
+#     Atkeson, An, Hollerbach (1986), Estimation of inertial parameters of manipulator loads and
+#     links, Int. J. Robotics Research 5(3), for each link; that of a closed chain by the principle
+#     of virtual power.
+
+MOMENTS = {
+    'Ixx': (0, 0),
+    'Ixy': (0, 1),
+    'Ixz': (0, 2),
+    'Iyy': (1, 1),
+    'Iyz': (1, 2),
+    'Izz': (2, 2),
+}
+SAMPLES = 1000  # at once, which bounds the memory
+
+
+class LinearMachine:
+    """See :class:`parallel_robot_model.robots.contract.LinearModel`."""
+
+    NAMES = (
+        'of the link that a joint moves, in its frame: mass m, mass times centre of mass mx, my, '
+        'mz, moments of inertia about its origin Ixx ... Izz; rotor: of the joint'
+    )
+
+    def __init__(
+        self,
+        machine: Callable[[Parameters], Machine],
+        mechanism: Callable[[Parameters], Mechanism],
+    ) -> None:
+        """Take the functions that give the machine of parameters, of the file and as they say."""
+        self._machine, self._mechanism = machine, mechanism
+
+    def units(self, robot: Parameters) -> dict[str, str]:
+        """Names with units: moments of all links, centres, masses, rotors."""
+        made = self._machine(robot)
+        names = [printable(made.names[i]) for i in self._links(robot)]
+        rotors = [
+            (printable(made.names[i]), 'kg m^2' if made.mechanism.kind[i] == HINGE else 'kg')
+            for i in self._rotors(robot)
+        ]
+        return {
+            **{f'{key}[{name}]': 'kg m^2' for name in names for key in MOMENTS},
+            **{f'm{axis}[{name}]': 'kg m' for name in names for axis in 'xyz'},
+            **{f'm[{name}]': 'kg' for name in names},
+            **{f'rotor[{name}]': unit for name, unit in rotors},
+        }
+
+    def values(self, robot: Parameters) -> Array:
+        """These numbers, shape (P,)."""
+        links, found = self._links(robot), masses(self._machine(robot).mechanism, robot)
+        moments = [found.inertia[links, a, b] for a, b in MOMENTS.values()]
+        return np.concatenate(
+            [
+                np.stack(moments, axis=1).ravel(),
+                found.moment[links].ravel(),
+                found.mass[links],
+                found.armature[self._rotors(robot)],
+            ]
+        )
+
+    def sizes(self, robot: Parameters) -> Array:
+        """Magnitudes, to which errors are compared also where a number is zero, shape (P,)."""
+        links, found = self._links(robot), masses(self._machine(robot).mechanism, robot)
+        moment = 0.5 * np.trace(found.inertia[links], axis1=1, axis2=2)
+        arm = np.sqrt(moment * found.mass[links])
+        rotors = found.armature[self._rotors(robot)]
+        return np.concatenate(
+            [np.repeat(moment, len(MOMENTS)), np.repeat(arm, 3), found.mass[links], rotors]
+        )
+
+    def free(self, robot: Parameters) -> dict[str, tuple[float, float]]:
+        """Masses are positive, their centres within a length of the machine."""
+        length = self._machine(robot).mechanism.length
+        positive = dict.fromkeys(
+            ('mass_factor', 'spread_factor', 'armature', 'payload'), (0.0, np.inf)
+        )
+        return {**positive, 'centre_shift': (-length, length)}
+
+    def regressor(
+        self, robot: Parameters, pose: Array, position: Array, velocity: Array, acceleration: Array
+    ) -> Array:
+        """Y at each sample, shape (N, n, P); arguments as in LinearModel.
+
+        Raises:
+            KinematicsError: the loops cannot be closed at a sample.
+        """
+        mechanism = self._mechanism(robot)
+        links, rotors = self._links(robot), self._rotors(robot)
+        count = (len(MOMENTS) + 4) * len(links) + len(rotors)
+        Y = np.zeros((*position.shape, count))
+        moved = body_motions(mechanism, position, velocity, acceleration)
+        lost = np.flatnonzero(moved.fault != FOUND)
+        if lost.size:
+            raise KinematicsError(f'{FAULTS[int(moved.fault[lost[0]])].text} (sample {lost[0]})')
+        for first in range(0, len(Y), SAMPLES):
+            part = slice(first, first + SAMPLES)
+            some = BodyMotions._make(each[part] for each in moved)
+            columns = [_columns(mechanism, some, i) for i in links]
+            moments, arms, weights = zip(*columns, strict=True)
+            felt = some.W[:, rotors] * some.joint[:, rotors, None]
+            Y[part] = np.concatenate([*moments, *arms, *weights, np.swapaxes(felt, 1, 2)], axis=2)
+        return Y
+
+    def _links(self, robot: Parameters) -> list[int]:
+        """Links that weigh something."""
+        of_file = self._machine(robot).mechanism
+        heavy = (of_file.mass != 0.0) | (of_file.inertia != 0.0).any(axis=(1, 2))
+        if robot.payload and of_file.tool != BASE:
+            heavy[of_file.tool] = True
+        return [int(i) for i in np.flatnonzero(heavy)]
+
+    def _rotors(self, robot: Parameters) -> list[int]:
+        """Joints with a rotor."""
+        of_file = self._machine(robot).mechanism
+        armature = of_file.armature != 0.0
+        armature[of_file.actuated] = np.array(robot.armature) != 0.0
+        return [int(i) for i in np.flatnonzero(armature)]
+
+
+def _columns(mechanism: Mechanism, moved: BodyMotions, link: int) -> tuple[Array, Array, Array]:
+    """Torques by the moments, the centre and the mass of a link, shape (K, n, 6), 3 and 1."""
+    back = np.swapaxes(moved.rotation[:, link], 1, 2)
+    origin = moved.origin[:, link]
+
+    def turned(x: Array) -> Array:
+        found: Array = (back @ x[..., None])[..., 0]
+        return found
+
+    def rate(spatial: Array) -> Array:
+        """Linear part of a spatial vector at the origin of the link."""
+        return spatial[:, 3:] + np.cross(spatial[:, :3], origin)
+
+    spin, speed = moved.V[:, link, :3], rate(moved.V[:, link])
+    w, alpha = turned(spin), turned(moved.A[:, link, :3])
+    a = turned(rate(moved.A[:, link]) + np.cross(spin, speed) - mechanism.gravity)
+    motion = np.zeros((*moved.W[:, 0].shape, 6))  # of the link by the actuated joints
+    j = link
+    while j != BASE:
+        motion += moved.W[:, j, :, None] * moved.S[:, j, None]
+        j = int(mechanism.parent[j])
+    J_w = motion[..., :3] @ moved.rotation[:, link]
+    linear = motion[..., 3:] + np.cross(motion[..., :3], origin[:, None])
+    J_v = linear @ moved.rotation[:, link]
+    W = _skew(w)
+    moments = J_w @ (_products(alpha) + W @ _products(w))
+    arms = J_v @ (_skew(alpha) + W @ W) - J_w @ _skew(a)
+    return moments, arms, J_v @ a[..., None]
+
+
+def _skew(x: Array) -> Array:
+    """x times, as a matrix, shape (K, 3, 3)."""
+    return np.cross(x[:, None], np.eye(3)).swapaxes(1, 2)
+
+
+def _products(x: Array) -> Array:
+    """I x by the MOMENTS of I, shape (K, 3, 6)."""
+    out = np.zeros((len(x), 3, len(MOMENTS)))
+    for column, (a, b) in enumerate(MOMENTS.values()):
+        out[:, a, column] = x[:, b]
+        out[:, b, column] = x[:, a]
+    return out

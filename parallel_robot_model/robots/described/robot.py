@@ -39,8 +39,7 @@ from parallel_robot_model.robots.described.default_values import (
     coordinates_of,
     defaults_of,
 )
-from parallel_robot_model.robots.described.linear_machine import LinearMachine
-from parallel_robot_model.robots.described.masses import weighing
+from parallel_robot_model.robots.described.masses import LinearMachine, weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
 from parallel_robot_model.robots.described.pose_slopes import pose_slopes
 from parallel_robot_model.robots.described.shifting import loops, shifted
