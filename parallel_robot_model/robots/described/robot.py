@@ -41,8 +41,7 @@ from parallel_robot_model.robots.described.default_values import (
 )
 from parallel_robot_model.robots.described.masses import LinearMachine, weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
-from parallel_robot_model.robots.described.pose_slopes import pose_slopes
-from parallel_robot_model.robots.described.shifting import loops, shifted
+from parallel_robot_model.robots.described.shifting import loops, pose_slopes, shifted
 from parallel_robot_model.robots.described.tree import DescribedTree
 
 LINES = 'link'  # name of the only part of its picture
