@@ -6,16 +6,18 @@ integrates. The passive joints are in the memory of the constants.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import Boxed, inner, kernel, read_row, vector, write_row
 from parallel_robot_model.mechanisms import closing, dynamics, tool
-from parallel_robot_model.mechanisms.margins import keeps, travel_left
+from parallel_robot_model.mechanisms.margins import keeps, margins, travel_left
 from parallel_robot_model.mechanisms.margins import margins as margins_of
+from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
+from parallel_robot_model.mechanisms.workspace import boxed, workspace
 from parallel_robot_model.robots.contract import (
     FOUND,
     REACHED,
@@ -27,14 +29,52 @@ from parallel_robot_model.robots.contract import (
     PoseMotion,
     no_model,
 )
-from parallel_robot_model.robots.described.constants import Constants
-from parallel_robot_model.robots.described.parameters import (
-    CLOSURE,
-    TOOL,
-    TRAVEL,
-    SafetyMargins,
-)
+from parallel_robot_model.robots.described.parameters import CLOSURE, TOOL, TRAVEL, SafetyMargins
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
+
+# What the kernels take of a described machine: its arrays, and a memory of its own.
+
+ROWS = 6  # vectors that are handed over between kernels
+
+
+class Constants(NamedTuple):
+    """A mechanism, and where its kernels write.
+
+    Attributes:
+        mechanism: The machine, a boxed Mechanism.
+        workspace: Its posture, from which the next one is looked for, a boxed Workspace.
+        judged: The same for postures that are only judged, which lie ahead of the others.
+        rows: Vectors that are handed over, shape (ROWS, n).
+        matrices: M and Q, shape (2, n, n).
+        travel: Lower and upper ends of travel [rad or m], shape (2, n).
+        home: Margins at home, see :func:`margins`, shape (2,).
+    """
+
+    mechanism: Any
+    workspace: Any
+    judged: Any
+    rows: Array
+    matrices: Array
+    travel: Array
+    home: Array
+
+
+def constants(
+    mechanism: Mechanism, lower: tuple[float, ...], upper: tuple[float, ...]
+) -> Constants:
+    """A machine at home, with a new memory."""
+    n = len(mechanism.actuated)
+    machine, made = boxed(mechanism)
+    closing.close(machine, made, made.q.copy())
+    return Constants(
+        machine,
+        made,
+        Boxed(workspace(mechanism)),
+        np.zeros((ROWS, n)),
+        np.zeros((2, n, n)),
+        np.array([lower, upper], np.float64),
+        np.array(margins(machine, made), np.float64),
+    )
 
 
 @inner

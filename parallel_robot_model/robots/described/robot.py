@@ -33,12 +33,12 @@ from parallel_robot_model.robots.contract import (
     place_of,
 )
 from parallel_robot_model.robots.described import kernels, parameters
-from parallel_robot_model.robots.described.constants import Constants, constants
 from parallel_robot_model.robots.described.default_values import (
     choices,
     coordinates_of,
     defaults_of,
 )
+from parallel_robot_model.robots.described.kernels import Constants, constants
 from parallel_robot_model.robots.described.masses import LinearMachine, weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
 from parallel_robot_model.robots.described.shifting import loops, pose_slopes, shifted
