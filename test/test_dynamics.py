@@ -18,7 +18,7 @@ from parallel_robot_model.robots.planar_3rrr.dynamics import (
     pose_coriolis,
     pose_inertia,
 )
-from parallel_robot_model.robots.planar_3rrr.posture import posture_at
+from parallel_robot_model.robots.planar_3rrr.geometry import posture_at
 from parallel_robot_model.robots.planar_3rrr.velocities import map_rates, rates_of, velocity_maps
 
 STILL = np.zeros(3)

@@ -10,7 +10,7 @@ from vectors import boxed
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr import singularity
-from parallel_robot_model.robots.planar_3rrr.posture import inverse_kinematics, posture_at
+from parallel_robot_model.robots.planar_3rrr.geometry import inverse_kinematics, posture_at
 from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers
 
 CONSTANTS = boxed(planar_3rrr, ROBOT)

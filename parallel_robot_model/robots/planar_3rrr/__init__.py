@@ -6,9 +6,15 @@ in which everything has a closed form and the loops stay closed to round-off.
 
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.planar_3rrr import linear_model, tree
-from parallel_robot_model.robots.planar_3rrr.constants import Constants, constants
 from parallel_robot_model.robots.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.robots.planar_3rrr.estimate import estimate, locate
+from parallel_robot_model.robots.planar_3rrr.geometry import (
+    Constants,
+    constants,
+    segments,
+    validate,
+)
+from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters as Parameters
 from parallel_robot_model.robots.planar_3rrr.margins import (
     FAULTS,
     NO_POSE,
@@ -18,10 +24,7 @@ from parallel_robot_model.robots.planar_3rrr.margins import (
     margins,
 )
 from parallel_robot_model.robots.planar_3rrr.motion import joint_motion, measure, start
-from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters as Parameters
-from parallel_robot_model.robots.planar_3rrr.parameters import validate
 from parallel_robot_model.robots.planar_3rrr.passive import pose_with
-from parallel_robot_model.robots.planar_3rrr.skeleton import segments
 
 PARTS = ('leg', 'platform')
 PLANAR = True

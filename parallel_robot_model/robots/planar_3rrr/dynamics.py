@@ -17,8 +17,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cross, dot, kernel, vector
 from parallel_robot_model.robots.contract import Model
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
-from parallel_robot_model.robots.planar_3rrr.constants import Constants
-from parallel_robot_model.robots.planar_3rrr.posture import Posture, posture_at
+from parallel_robot_model.robots.planar_3rrr.geometry import Constants, Posture, posture_at
 from parallel_robot_model.robots.planar_3rrr.velocities import (
     Columns,
     Maps,

@@ -10,9 +10,9 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import dot, every, kernel, select, vector
 from parallel_robot_model.robots.contract import FOUND, REACHED
-from parallel_robot_model.robots.planar_3rrr.constants import Constants
 from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
-from parallel_robot_model.robots.planar_3rrr.posture import (
+from parallel_robot_model.robots.planar_3rrr.geometry import (
+    Constants,
     Posture,
     arms,
     out_of_reach,

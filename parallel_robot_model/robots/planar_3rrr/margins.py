@@ -15,7 +15,7 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     STATUS_TEXT,
     WRONG_WORKING_MODE,
 )
-from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
 from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers, determinants
 
 TYPE_1 = 4

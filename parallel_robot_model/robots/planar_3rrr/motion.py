@@ -10,9 +10,10 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, vector
 from parallel_robot_model.robots.contract import REACHED, JointMotion, Measurement, PoseMotion
-from parallel_robot_model.robots.planar_3rrr.constants import Constants, constants
-from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
-from parallel_robot_model.robots.planar_3rrr.posture import (
+from parallel_robot_model.robots.planar_3rrr.geometry import (
+    Constants,
+    RobotParameters,
+    constants,
     inverse_kinematics,
     out_of_reach,
     posture_at,

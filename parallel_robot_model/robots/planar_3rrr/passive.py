@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
+from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
 
 CLOSED = 0.1  # of l3, how far a platform joint may be from where the others want it
 

@@ -8,9 +8,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cross, kernel, select
-from parallel_robot_model.robots.planar_3rrr.constants import Constants
-from parallel_robot_model.robots.planar_3rrr.parameters import RobotParameters
-from parallel_robot_model.robots.planar_3rrr.posture import Posture
+from parallel_robot_model.robots.planar_3rrr.geometry import Constants, Posture, RobotParameters
 from parallel_robot_model.robots.planar_3rrr.velocities import jacobian_x
 
 

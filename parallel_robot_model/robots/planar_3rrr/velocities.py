@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
-from parallel_robot_model.robots.planar_3rrr.constants import Constants
-from parallel_robot_model.robots.planar_3rrr.posture import Posture
+from parallel_robot_model.robots.planar_3rrr.geometry import Constants, Posture
 
 
 class Columns(NamedTuple):
