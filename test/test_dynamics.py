@@ -15,11 +15,13 @@ from parallel_robot_model.robots.joint_load import (
 )
 from parallel_robot_model.robots.planar_3rrr.dynamics import (
     actuated_dynamics,
+    map_rates,
     pose_coriolis,
     pose_inertia,
+    rates_of,
+    velocity_maps,
 )
 from parallel_robot_model.robots.planar_3rrr.geometry import posture_at
-from parallel_robot_model.robots.planar_3rrr.velocities import map_rates, rates_of, velocity_maps
 
 STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)

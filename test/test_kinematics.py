@@ -24,8 +24,8 @@ from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.compiler import cross, dot, multiply, solve, vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.contract import FOUND
+from parallel_robot_model.robots.planar_3rrr import dynamics, geometry
 from parallel_robot_model.robots.planar_3rrr import forward_kinematics as forward
-from parallel_robot_model.robots.planar_3rrr import geometry, velocities
 from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
@@ -88,13 +88,13 @@ def test_joint_angles_are_continuous_where_a_leg_points_along_minus_x():
 
 @given(poses(), rows(1.0))
 def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
-    maps = velocities.velocity_maps(boxed(planar_3rrr, ROBOT), posture_at(pose))
+    maps = dynamics.velocity_maps(boxed(planar_3rrr, ROBOT), posture_at(pose))
     h = 1e-5
     for j, shift in enumerate(h * np.eye(3)):
         for column, angles in ((maps.H[j], 0), (maps.K[j], 1)):
             change = legs(ROBOT, pose + shift)[angles] - legs(ROBOT, pose - shift)[angles]
             assert np.allclose(column, wrap(change) / (2 * h), rtol=1e-5, atol=1e-6)
-    rates = velocities.rates_of(maps, vector(rate))
+    rates = dynamics.rates_of(maps, vector(rate))
     assert np.allclose(rates.theta, matrix(maps.H) @ rate, rtol=1e-13, atol=1e-13)
     assert np.allclose(rates.beta, matrix(maps.K) @ rate, rtol=1e-13, atol=1e-13)
     assert rates.phi == rate[2]
@@ -105,12 +105,12 @@ def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose,
     robot, h = boxed(planar_3rrr, ROBOT), 1e-6
 
     def maps(p):
-        return velocities.velocity_maps(robot, posture_at(p))
+        return dynamics.velocity_maps(robot, posture_at(p))
 
     here, ahead, behind = maps(pose), maps(pose + h * rate), maps(pose - h * rate)
-    rates = velocities.rates_of(here, vector(rate))
-    changes = velocities.map_rates(robot, posture_at(pose), here, rates)
-    apart = velocities.centripetal(robot, posture_at(pose), rates)
+    rates = dynamics.rates_of(here, vector(rate))
+    changes = dynamics.map_rates(robot, posture_at(pose), here, rates)
+    apart = dynamics.centripetal(robot, posture_at(pose), rates)
     for columns, plus, minus, rest in zip(changes, ahead, behind, apart, strict=True):
         change = matrix(columns)
         scale = max(1.0, np.abs(change).max())
@@ -122,14 +122,14 @@ def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose,
 def test_jacobians_relate_the_rates(pose, rate):
     robot, posture, h = boxed(planar_3rrr, ROBOT), posture_at(pose), 1e-5
     theta_dot = wrap(legs(ROBOT, pose + h * rate)[0] - legs(ROBOT, pose - h * rate)[0]) / (2 * h)
-    left = matrix(velocities.jacobian_x(robot, posture)) @ rate
-    assert np.allclose(left, velocities.jacobian_q(robot, posture) * theta_dot, atol=1e-6)
+    left = matrix(dynamics.jacobian_x(robot, posture)) @ rate
+    assert np.allclose(left, dynamics.jacobian_q(robot, posture) * theta_dot, atol=1e-6)
 
 
 @given(rows(2.0, 9), rows(2.0))
 def test_small_linear_algebra(numbers, x):
     a = numbers.reshape(3, 3) + 5 * np.eye(3)
-    *rows, determinant = inverse_rows(velocities.Columns(*map(vector, a.T)))
+    *rows, determinant = inverse_rows(dynamics.Columns(*map(vector, a.T)))
     assert np.isclose(determinant, np.linalg.det(a), rtol=1e-12)
     assert np.allclose(rows, np.linalg.inv(a), rtol=1e-10, atol=1e-12)
     assert np.allclose(on_vectors(multiply)(a, x), a @ x, rtol=1e-14, atol=1e-14)
@@ -140,7 +140,7 @@ def test_small_linear_algebra(numbers, x):
 
 def test_a_singular_matrix_has_no_finite_inverse():
     one = vector(np.ones(3))
-    *rows, determinant = inverse_rows(velocities.Columns(one, one, one))
+    *rows, determinant = inverse_rows(dynamics.Columns(one, one, one))
     assert not np.isfinite(rows).any() and determinant == 0.0
     assert not np.isfinite(on_vectors(solve)(np.zeros((3, 3)), np.ones(3))).any()
 

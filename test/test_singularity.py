@@ -9,15 +9,15 @@ from vectors import boxed
 
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots import planar_3rrr
-from parallel_robot_model.robots.planar_3rrr import singularity
+from parallel_robot_model.robots.planar_3rrr import dynamics
+from parallel_robot_model.robots.planar_3rrr.dynamics import condition_numbers
 from parallel_robot_model.robots.planar_3rrr.geometry import inverse_kinematics, posture_at
-from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers
 
 CONSTANTS = boxed(planar_3rrr, ROBOT)
 
 
 def measures(pose):
-    return singularity.measures(CONSTANTS, posture_at(CONSTANTS, vector(pose)))
+    return dynamics.measures(CONSTANTS, posture_at(CONSTANTS, vector(pose)))
 
 
 def on_circle(phi):

@@ -5,14 +5,17 @@ from __future__ import annotations
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, select
 from parallel_robot_model.robots.contract import FOUND, Estimate, Location, no_model
-from parallel_robot_model.robots.planar_3rrr.dynamics import actuated_dynamics
+from parallel_robot_model.robots.planar_3rrr.dynamics import (
+    actuated_dynamics,
+    measures,
+    type_2_measure,
+)
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     NOT_CONVERGED,
     forward_kinematics,
 )
 from parallel_robot_model.robots.planar_3rrr.geometry import Constants, posture_at
 from parallel_robot_model.robots.planar_3rrr.margins import TYPE_1, TYPE_2, SafetyMargins
-from parallel_robot_model.robots.planar_3rrr.singularity import measures, type_2_measure
 
 FAST = 1.5  # states until the singularity, below which the assembly mode is not trusted
 

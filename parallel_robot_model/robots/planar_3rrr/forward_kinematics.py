@@ -10,7 +10,7 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import dot, every, kernel, select, vector
 from parallel_robot_model.robots.contract import FOUND, REACHED
-from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
+from parallel_robot_model.robots.planar_3rrr.dynamics import Columns, inverse_rows, type_2_measure
 from parallel_robot_model.robots.planar_3rrr.geometry import (
     Constants,
     Posture,
@@ -20,8 +20,6 @@ from parallel_robot_model.robots.planar_3rrr.geometry import (
     posture_of,
     theta_of,
 )
-from parallel_robot_model.robots.planar_3rrr.singularity import type_2_measure
-from parallel_robot_model.robots.planar_3rrr.velocities import Columns
 
 # Why there is no trustworthy pose.
 GUESS_OUT_OF_REACH = 1

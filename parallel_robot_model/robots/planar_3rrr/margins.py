@@ -9,6 +9,7 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Fault, Infeasible, Margin, first_sample
+from parallel_robot_model.robots.planar_3rrr.dynamics import condition_numbers, determinants
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
@@ -16,7 +17,6 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     WRONG_WORKING_MODE,
 )
 from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
-from parallel_robot_model.robots.planar_3rrr.singularity import condition_numbers, determinants
 
 TYPE_1 = 4
 TYPE_2 = 5

@@ -10,6 +10,12 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, vector
 from parallel_robot_model.robots.contract import REACHED, JointMotion, Measurement, PoseMotion
+from parallel_robot_model.robots.planar_3rrr.dynamics import (
+    apply,
+    centripetal,
+    rates_of,
+    velocity_maps,
+)
 from parallel_robot_model.robots.planar_3rrr.geometry import (
     Constants,
     RobotParameters,
@@ -18,12 +24,6 @@ from parallel_robot_model.robots.planar_3rrr.geometry import (
     out_of_reach,
     posture_at,
     theta_of,
-)
-from parallel_robot_model.robots.planar_3rrr.velocities import (
-    apply,
-    centripetal,
-    rates_of,
-    velocity_maps,
 )
 
 
