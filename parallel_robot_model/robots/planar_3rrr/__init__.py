@@ -8,6 +8,7 @@ from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.planar_3rrr import linear_model, tree
 from parallel_robot_model.robots.planar_3rrr.dynamics import acceleration
 from parallel_robot_model.robots.planar_3rrr.estimate import estimate, locate
+from parallel_robot_model.robots.planar_3rrr.forward_kinematics import pose_with
 from parallel_robot_model.robots.planar_3rrr.geometry import (
     Constants,
     constants,
@@ -24,7 +25,6 @@ from parallel_robot_model.robots.planar_3rrr.margins import (
     margins,
 )
 from parallel_robot_model.robots.planar_3rrr.motion import joint_motion, measure, start
-from parallel_robot_model.robots.planar_3rrr.passive import pose_with
 
 PARTS = ('leg', 'platform')
 PLANAR = True
