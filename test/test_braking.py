@@ -7,7 +7,7 @@ from rig import Rig
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.safety.faults import FAULTS, NONE, SPEED, TOO_FAST
-from parallel_robot_model.robots.planar_3rrr.margins import TYPE_2
+from parallel_robot_model.robots.planar_3rrr.estimate import TYPE_2
 
 PUSHED = {'safety__effort_tolerance': 0.0, 'safety__residual_limit': 0.0}  # by a strange hand
 INERTIA = ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip')

@@ -40,8 +40,8 @@ from parallel_robot_control.safety.limiting import (
     Last,
 )
 from parallel_robot_model.configuration import config
+from parallel_robot_model.robots.planar_3rrr.estimate import TYPE_1, TYPE_2
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import NOT_CONVERGED
-from parallel_robot_model.robots.planar_3rrr.margins import TYPE_1, TYPE_2
 
 MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md

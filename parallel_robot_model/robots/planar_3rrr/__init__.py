@@ -7,7 +7,19 @@ in which everything has a closed form and the loops stay closed to round-off.
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.planar_3rrr import linear_model, tree
 from parallel_robot_model.robots.planar_3rrr.dynamics import acceleration
-from parallel_robot_model.robots.planar_3rrr.estimate import estimate, locate
+from parallel_robot_model.robots.planar_3rrr.estimate import (
+    FAULTS,
+    NO_POSE,
+    MotionLimits,
+    SafetyMargins,
+    estimate,
+    infeasible,
+    joint_motion,
+    locate,
+    margins,
+    measure,
+    start,
+)
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import pose_with
 from parallel_robot_model.robots.planar_3rrr.geometry import (
     Constants,
@@ -16,15 +28,6 @@ from parallel_robot_model.robots.planar_3rrr.geometry import (
     validate,
 )
 from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters as Parameters
-from parallel_robot_model.robots.planar_3rrr.margins import (
-    FAULTS,
-    NO_POSE,
-    MotionLimits,
-    SafetyMargins,
-    infeasible,
-    margins,
-)
-from parallel_robot_model.robots.planar_3rrr.motion import joint_motion, measure, start
 
 PARTS = ('leg', 'platform')
 PLANAR = True
