@@ -10,8 +10,8 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from trajectory_gen import motion_change
 from trajectory_gen.configuration import changed, motions_of, resolve, trajectory_of
-from trajectory_gen.course import Course
 from trajectory_gen.shapes import SHAPES
+from trajectory_gen.trajectory import Course
 
 pytest_plugins = ['ros_fixtures']
 

@@ -11,7 +11,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from trajectory_gen import motion_change, motion_message
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.course import Course
+from trajectory_gen.trajectory import Course
 
 pytest_plugins = ['ros_fixtures']
 

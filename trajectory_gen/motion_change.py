@@ -8,10 +8,8 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from trajectory_gen import joint_path, preflight, waypoints
 from trajectory_gen.configuration import Motions
-from trajectory_gen.course import Course, Part
 from trajectory_gen.motion_message import Points
-from trajectory_gen.trajectory import Reference
-from trajectory_gen.transition import Entry, Poses, fading
+from trajectory_gen.trajectory import Course, Entry, Part, Poses, Reference, fading
 
 POINTS = 'points of a message'  # name of such a motion
 

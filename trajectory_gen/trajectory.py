@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -14,9 +15,95 @@ from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row,
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import REACHED, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
-from trajectory_gen import joint_path, shape_trial, transition, waypoints
+from trajectory_gen import joint_path, shape_trial, waypoints
 from trajectory_gen.shapes import SHAPES, Shape, prepared
-from trajectory_gen.transition import Entry, Poses
+
+# How a motion is entered from the one before it: one fades while the other begins.
+
+
+class Poses(NamedTuple):
+    """Poses with two derivatives, each shape (N, m)."""
+
+    pose: Array
+    rate: Array
+    acceleration: Array
+
+
+class Entry(NamedTuple):
+    """How a motion is entered from the one before it.
+
+    Attributes:
+        before: Poses of that one by times since the entry [s].
+        duration: Time in which it fades [s].
+        start: Time of the motion itself at the entry [s].
+        delay: How long it waits there [s].
+    """
+
+    before: Callable[[Array], Poses]
+    duration: float
+    start: float
+    delay: float
+
+    def own_times(self, times: Any) -> Any:
+        """Times of the motion itself at times since the entry [s]."""
+        return self.start + np.maximum(times - self.delay, 0.0)
+
+
+def blend(entry: Entry, times: Array, own: Poses) -> Poses:
+    """Poses w before + (1 - w) own, where w falls from 1 to 0: a quintic polynomial.
+
+    Args:
+        entry: The entry.
+        times: Times since then [s], shape (N,).
+        own: Poses of the motion itself.
+    """
+    early = times < entry.duration
+    if not early.any():
+        return own
+    times = times[early]
+    weight, slope, bend = fading((1.0, 0.0, 0.0), entry.duration, times)
+    (x, v, a), before = (part[early] for part in own), entry.before(times)
+    dx, dv, da = before.pose - x, before.rate - v, before.acceleration - a
+    blended = (
+        x + weight * dx,
+        v + weight * dv + slope * dx,
+        a + weight * da + 2.0 * slope * dv + bend * dx,
+    )
+    made = Poses(*(part.copy() for part in own))
+    for part, rows in zip(made, blended, strict=True):
+        part[early] = rows
+    return made
+
+
+def fading(state: tuple[Any, Any, Any], duration: float, times: Array) -> Poses:
+    """The quintic polynomial that leads from a state to rest in zero.
+
+    Args:
+        state: Value and two derivatives, numbers or shape (m,).
+        duration: When it ends [s].
+        times: Times before that [s], shape (N,).
+    """
+    T, u = duration, times[:, np.newaxis] / duration
+    a, b, c = state[0], T * state[1], 0.5 * T**2 * state[2]
+    left = 1.0 - u
+    return Poses(
+        (1.0 - u**3 * (10.0 - 15.0 * u + 6.0 * u**2)) * a
+        + u * left**3 * (1.0 + 3.0 * u) * b
+        + u**2 * left**3 * c,
+        (
+            -30.0 * u**2 * left**2 * a
+            + left**2 * (1.0 + 2.0 * u - 15.0 * u**2) * b
+            + u * left**2 * (2.0 - 5.0 * u) * c
+        )
+        / T,
+        (
+            -60.0 * u * left * (1.0 - 2.0 * u) * a
+            - 12.0 * u * left * (3.0 - 5.0 * u) * b
+            + 2.0 * left * (1.0 - 8.0 * u + 10.0 * u**2) * c
+        )
+        / T**2,
+    )
+
 
 LOOKS = (
     64  # times at which a motion is looked at, and as many after its span, for whether it rests
@@ -187,7 +274,7 @@ class Trajectory:
         own = grid if self.entry is None else self.entry.own_times(grid)
         speed = self.parameters.speed_factor
         poses = Poses(*_poses(self._motion, self.shape, self._pose, own, speed))
-        return poses if self.entry is None else transition.blend(self.entry, grid, poses)
+        return poses if self.entry is None else blend(self.entry, grid, poses)
 
 
 def joints_at(robot: RobotModel, poses: Array) -> Reference:
@@ -264,3 +351,67 @@ def _row(like: Array, pose: Array, rate: Array, acceleration: Array, k: int) -> 
     return PoseMotion(
         read_row(pose, k, like), read_row(rate, k, like), read_row(acceleration, k, like)
     )
+
+
+# Motions one after another, as they are performed.
+
+KEPT = 100  # motions; of older ones the first is sampled instead
+
+
+class Part(NamedTuple):
+    """A motion that is performed.
+
+    Attributes:
+        begin: Index of the sample at which it begins, which still belongs to the one before.
+        name: Its shape, or what else it is.
+        trajectory: The motion, whose time counts from there.
+    """
+
+    begin: int
+    name: str
+    trajectory: Trajectory
+
+
+class Course:
+    """Which motion the samples belong to. It does not change; `then` makes another one.
+
+    Attributes:
+        parts: The motions, in order; the first begins with the first sample.
+        period: Time between samples [s].
+    """
+
+    def __init__(self, trajectory: Trajectory, period: float) -> None:
+        """Begin with a motion."""
+        self.parts: tuple[Part, ...] = (Part(0, trajectory.parameters.shape, trajectory),)
+        self.period = period
+
+    def sample(self, indices: Any) -> Reference:
+        """Evaluate the motions at increasing indices of samples, shape (N,)."""
+        indices = np.atleast_1d(indices)
+        begins = [part.begin for part in self.parts[1:]]
+        which = np.searchsorted(begins, indices)  # a sample at a beginning is of the one before
+        parts = []
+        for k, part in enumerate(self.parts):
+            own = indices[which == k]
+            if own.size:
+                parts.append(part.trajectory.sample((own - part.begin) * self.period))
+        return (
+            parts[0]
+            if len(parts) == 1
+            else Reference(*map(np.concatenate, zip(*parts, strict=True)))
+        )
+
+    def until(self, index: int) -> Course:
+        """The motions that begin before a sample."""
+        return self._with(tuple(part for part in self.parts[1:] if part.begin < index))
+
+    def then(self, part: Part) -> Course:
+        """This course until a motion begins, and that motion."""
+        return self._with((*self.until(part.begin).parts[1:], part))
+
+    def _with(self, later: tuple[Part, ...]) -> Course:
+        """A course with the same first motion, and others after it."""
+        first = self.parts[0]
+        made = Course(first.trajectory, self.period)
+        made.parts = (first, *later[-KEPT:])
+        return made

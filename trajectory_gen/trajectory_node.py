@@ -33,11 +33,10 @@ from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
 from trajectory_gen import motion_change, motion_message, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
-from trajectory_gen.course import Course
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.motion_doubts import motion_doubts
 from trajectory_gen.ros_present_pose import PresentPose
-from trajectory_gen.trajectory import Reference, Trajectory, TrajectoryParameters
+from trajectory_gen.trajectory import Course, Reference, Trajectory, TrajectoryParameters
 
 BATCH = 200  # samples computed at once
 SOON = 0.1  # s, until a new motion begins; doubled where the computer takes longer
