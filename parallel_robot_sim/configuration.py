@@ -29,7 +29,7 @@ from parallel_robot_sim.imperfections import (
     imperfections,
 )
 from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen import configuration as motion
+from trajectory_gen import configuration
 from trajectory_gen.shapes import shapes
 from trajectory_gen.trajectory import Trajectory
 
@@ -104,15 +104,15 @@ def configure(values: Mapping[str, Any]) -> Configuration:
             values,
             [
                 *registry.declared_groups(robot),
-                *motion.declared(robot, known),
+                *configuration.declared(robot, known),
                 *control.declared(robot, laws),
                 *DECLARED,
             ],
         )
         nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         start = groups[PlantParameters].initial_pose
-        motion.check_columns(values, nominal)
-        trajectory = motion.trajectory_from(groups, nominal, known, start)
+        configuration.check_columns(values, nominal)
+        trajectory = configuration.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess, lambda: trajectory)
         return Configuration(

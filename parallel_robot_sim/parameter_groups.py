@@ -12,7 +12,7 @@ from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_sim.configuration import DECLARED
-from trajectory_gen import configuration as motion
+from trajectory_gen import configuration
 from trajectory_gen.shapes import SHAPES, Shape
 
 
@@ -31,8 +31,8 @@ def groups(
         'Robots and loads; `true_robot.*`, the simulated one, follows `robot.*`': [
             *registry.declared_groups(robot)
         ],
-        'Motion': [*motion.declared(robot, {})],
-        'Shapes of the motion': [*motion.of_shapes(shapes)],
+        'Motion': [*configuration.declared(robot, {})],
+        'Shapes of the motion': [*configuration.of_shapes(shapes)],
         'Controller': [*control.declared(robot, {})],
         'Laws': [*control.of_laws(laws)],
         'Plant, sensors and motors': [*DECLARED],

@@ -25,8 +25,8 @@ from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_r
 from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
 from parallel_robot_sim.saturation import saturation
 from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.configuration import with_duration
 from trajectory_gen.motion_doubts import motion_doubts
-from trajectory_gen.motion_length import with_duration
 
 File = str | Path
 ROUNDING = 1e-6  # s, much less than between two samples

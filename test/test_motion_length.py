@@ -11,8 +11,7 @@ from parallel_robot.python.notebook import metrics
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot_model.common.errors import InputError
-from trajectory_gen.configuration import resolve, trajectory_of
-from trajectory_gen.motion_length import with_duration
+from trajectory_gen.configuration import resolve, trajectory_of, with_duration
 
 LINE = {'trajectory.shape': 'line', 'line.duration': 0.4}
 POINTS = {

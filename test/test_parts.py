@@ -18,7 +18,7 @@ from parallel_robot_sim.closed_loop import COLUMNS
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.simulation import RunSummary, attempt, parts
-from trajectory_gen.motion_length import with_duration
+from trajectory_gen.configuration import with_duration
 
 SIZE = 137  # samples of a part: no multiple of any rate
 NOISE = {

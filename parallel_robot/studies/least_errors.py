@@ -31,7 +31,7 @@ from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.imperfections import ENCODERS
 from parallel_robot_sim.simulation import ENDLESS
-from trajectory_gen.motion_length import with_duration
+from trajectory_gen.configuration import with_duration
 
 LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
 RIGID = 'compliance, stiction: the limit is that of rigid gears that do not stick: no bound'

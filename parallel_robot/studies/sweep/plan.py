@@ -33,7 +33,7 @@ from parallel_robot_model.configuration.plain_data import Placed, locating, merg
 from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
-from trajectory_gen.motion_length import with_duration
+from trajectory_gen.configuration import with_duration
 
 MOST_DIMENSIONS = 21201  # of scipy's Sobol sequence
 SEED = 'seed'  # key of the plant's seed, where the configuration has one
