@@ -26,7 +26,7 @@ from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
 from parallel_robot_sim.saturation import saturation
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.configuration import with_duration
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 
 File = str | Path
 ROUNDING = 1e-6  # s, much less than between two samples

@@ -8,7 +8,7 @@ from trajectory_run import Run, smooth
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from trajectory_gen import motion_change
+from trajectory_gen import preflight
 from trajectory_gen.configuration import changed, motions_of, resolve, trajectory_of
 from trajectory_gen.shapes import SHAPES
 from trajectory_gen.trajectory import Course
@@ -71,7 +71,7 @@ def test_the_difference_fades_by_a_quintic_polynomial():
     here, there = [0.5, 0.36, 1.4], [0.47, 0.38, 1.6]
     course = Course(planned(trajectory__shape='hold', hold__pose=here), 1e-3)
     wanted = {'trajectory.shape': 'hold', 'hold.pose': there}
-    found = motion_change.led_into(course, 5, motions_of(resolve('paper_circle', wanted)))
+    found = preflight.led_into(course, 5, motions_of(resolve('paper_circle', wanted)))
     move = planned(trajectory__shape='move', move__start=here, move__end=there, move__duration=2.0)
     times = np.arange(1, 2500)
     for got, wanted in zip(found.sample(times + 5), move.sample(times * 1e-3), strict=True):

@@ -9,7 +9,7 @@ from trajectory_run import Run, smooth
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from trajectory_gen import motion_change, motion_message
+from trajectory_gen import motion_message, preflight
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Course
 
@@ -69,7 +69,7 @@ def test_derivatives_of_the_points_are_those_of_the_motion():
 
     pose, rate, acceleration = polynomial(u)
     points = motion_message.Points(t, pose, rate, acceleration)
-    found = motion_change.through(course, 400, points)
+    found = preflight.through(course, 400, points)
     times = np.arange(501, 1901) * 1e-3 - 0.4  # from the first point on
     sampled = found.sample(np.arange(501 + 400, 1901))
     expected = polynomial((times[400:]) / 1.5)

@@ -12,7 +12,7 @@ from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.configuration import points as points_table
 from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 from trajectory_gen.waypoints import Parameters, motion, prepare
 
 TIMES = np.array([0.0, 0.7, 1.1, 2.0, 3.5, 4.0, 5.2])

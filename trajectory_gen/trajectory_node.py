@@ -31,10 +31,10 @@ from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from trajectory_gen import motion_change, motion_message, preflight
+from trajectory_gen import motion_message, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.messages import pose_messages, reference_messages
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 from trajectory_gen.ros_present_pose import PresentPose
 from trajectory_gen.trajectory import Course, Reference, Trajectory, TrajectoryParameters
 
@@ -115,7 +115,7 @@ class TrajectoryNode(SuiteNode):
         trajectory, text = made.trajectory, ''
         shape, performed = trajectory.parameters.shape, self._course.parts[-1].name
         if made.asked != self._motions.asked or (SHAPE in changes and shape != performed):
-            stamp = self._follow(partial(motion_change.led_into, motions=made))
+            stamp = self._follow(partial(preflight.led_into, motions=made))
             text = f'{shape} from stamp {stamp} on, in {trajectory.parameters.transition:g} s'
         stored = {key: value for key, value in settings(made) if key in changes}
 
@@ -245,7 +245,7 @@ class TrajectoryNode(SuiteNode):
         robot = self._motions.robot
         names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
         points = motion_message.read(data, names)
-        stamp = self._follow(partial(motion_change.through, points=points))
+        stamp = self._follow(partial(preflight.through, points=points))
         self._tell(f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s')
 
     def _follow(self, plan: Callable[[Course, int], Course]) -> int:

@@ -35,7 +35,7 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

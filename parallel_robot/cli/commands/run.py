@@ -43,7 +43,7 @@ from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.simulation import ENDLESS
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 
 if TYPE_CHECKING:
     from parallel_robot.cli.ros_session import Session

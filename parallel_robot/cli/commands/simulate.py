@@ -36,7 +36,7 @@ from parallel_robot_sim.noise_doubts import noise_doubts
 from parallel_robot_sim.saturation import saturation_of
 from parallel_robot_sim.simulation import RunSummary, Simulation, parts
 from trajectory_gen.configuration import with_duration
-from trajectory_gen.motion_doubts import motion_doubts
+from trajectory_gen.preflight import motion_doubts
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
