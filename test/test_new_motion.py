@@ -9,7 +9,7 @@ from trajectory_run import Run, smooth
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
-from trajectory_gen import motion_message, preflight
+from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Course
 
@@ -68,7 +68,7 @@ def test_derivatives_of_the_points_are_those_of_the_motion():
         return START + np.outer(rest, way), np.outer(rate, way), np.outer(acceleration, way)
 
     pose, rate, acceleration = polynomial(u)
-    points = motion_message.Points(t, pose, rate, acceleration)
+    points = messages.Points(t, pose, rate, acceleration)
     found = preflight.through(course, 400, points)
     times = np.arange(501, 1901) * 1e-3 - 0.4  # from the first point on
     sampled = found.sample(np.arange(501 + 400, 1901))
@@ -156,9 +156,7 @@ def test_whatever_bytes_come_they_are_read_or_refused():
         for _ in range(draw.integers(1, 4)):
             data[draw.integers(len(data))] = draw.integers(256)
         try:
-            points = motion_message.read(
-                bytes(data[: draw.integers(len(data) + 1)]), ['x', 'y', 'phi']
-            )
+            points = messages.read(bytes(data[: draw.integers(len(data) + 1)]), ['x', 'y', 'phi'])
         except InputError:
             continue
         assert np.isfinite(points.pose).all() and (np.diff(points.times) > 0.0).all()

@@ -11,7 +11,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import first_sample
 from trajectory_gen import joint_path, waypoints
 from trajectory_gen.configuration import Motions
-from trajectory_gen.motion_message import Points
+from trajectory_gen.messages import Points
 from trajectory_gen.trajectory import (
     LOOKS,
     Course,

@@ -31,7 +31,7 @@ from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from trajectory_gen import motion_message, preflight
+from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.preflight import motion_doubts
@@ -244,7 +244,7 @@ class TrajectoryNode(SuiteNode):
         """
         robot = self._motions.robot
         names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
-        points = motion_message.read(data, names)
+        points = messages.read(data, names)
         stamp = self._follow(partial(preflight.through, points=points))
         self._tell(f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s')
 
