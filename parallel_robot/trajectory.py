@@ -16,7 +16,7 @@ from parallel_robot_model.compiler import (
 )
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.time_law import quintic, trapezoid
+from trajectory_gen.paths import quintic, trapezoid
 
 __all__ = [
     'Field',

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.plane import Plane, drawn, plane_of
+from trajectory_gen.paths import Plane, drawn, plane_of
 
 
 class Parameters(NamedTuple):

@@ -12,7 +12,7 @@ from parallel_robot_model.common.units import with_arrays
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.time_law import quintic
+from trajectory_gen.paths import quintic
 
 
 class Parameters(NamedTuple):

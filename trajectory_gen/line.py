@@ -8,8 +8,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.plane import way_between
-from trajectory_gen.time_law import quintic
+from trajectory_gen.paths import quintic, way_between
 
 
 class Parameters(NamedTuple):

@@ -11,7 +11,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.robots.registry import RobotModel
-from trajectory_gen.plane import length_of
+from trajectory_gen.paths import length_of
 
 KEY = 'waypoints.space'
 AXES = ('x', 'y', 'z', 'rx', 'ry', 'rz')

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
-from trajectory_gen.plane import plane_of
+from trajectory_gen.paths import plane_of
 
 FLAT = 1e-6  # of its size: what a motion in a plane leaves it by
 SPACE = 3
