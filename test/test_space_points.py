@@ -9,7 +9,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import points
 from parallel_robot_model.robots.registry import resolve, robot_of
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.orientation_path import as_poses, continuous
+from trajectory_gen.joint_path import as_poses, continuous
 
 SI = {  # sizes of units in s, m and rad
     'time': {

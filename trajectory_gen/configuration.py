@@ -218,7 +218,7 @@ def _placed(
     if name == 'hold' and not given.pose:
         given = hold.Parameters(robot.pose_of(INITIAL, here))
     if getattr(given, 'space', '') == QUATERNIONS:
-        from trajectory_gen.orientation_path import as_poses  # scipy takes long to load
+        from trajectory_gen.joint_path import as_poses  # scipy takes long to load
 
         given = given._replace(points=as_poses(robot, given.points), space='pose')
     return given
