@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control import repetition
-from parallel_robot_control.acting import act
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.estimation import cycle_memory, kalman, kalman_memory, lock_in
@@ -26,7 +25,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, Last
 from parallel_robot_control.safety.state_consistency import inconsistent
 from parallel_robot_control.safety.torque_arrival import TOLD, arrival
-from parallel_robot_control.sensing import sense
+from parallel_robot_control.sense_and_act import act, sense
 from parallel_robot_control.terms.place_gradient import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
