@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
@@ -16,35 +17,82 @@ from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
+from parallel_robot_control.messages import answers_message
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last
-from parallel_robot_control.shared_arrays import (
-    ACTED,
-    ACTED_AT,
-    AGE,
-    AGES,
-    ANSWERS,
-    CAUSE,
-    COUPLED,
-    END,
-    ERROR,
-    ERROR_RATE,
-    FROM,
-    HEARD,
-    LAST,
-    LOGGED,
-    NEVER,
-    PHASE,
-    SLIDING,
-    START,
-    UNTIL,
-    WAITS,
-)
+from parallel_robot_control.states.state_rhythm import StateRhythm
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
 from parallel_robot_model.configuration.loop import OLDEST
+from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import SLOW
+
+# The arrays shared by the controller and its kernels: Python reads them between two calls.
+
+NEVER = -1  # a stamp that no message has
+FOREVER = 2**63 - 1  # ns
+AGES = 4096  # answers for which the age of the state is kept
+
+# Rows of Shared.telemetry
+ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
+# and of Shared.numbers.
+(
+    ACTED,  # bits of the limits that acted
+    LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
+    HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
+    LOGGED, ANSWERS,  # counts: rows of the log, answers
+    AGE,  # of the last state, from the measurement until the torque acts [ns]
+    PHASE,  # of the identification of the delay, see lock_in.py
+    CAUSE,  # fault whose cause was there at the last state
+    ACTED_AT,  # stamp of the last state at which a limit acted
+    UNTIL,  # stamp of the newest reference that counts
+    WAITS,  # whether the last reference was overdue
+) = range(14)  # fmt: skip
+
+
+class Shared(NamedTuple):
+    """The arrays that Python and the kernels share.
+
+    Attributes:
+        measured: Position, velocity and effort of the last state, shape (3, n).
+        telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
+        numbers: Limits, stamps and counts, shape (14,).
+        command: The command message of the last answer, serialised.
+        torques: The torques in it [N m], shape (n,).
+        log: Stamps of state and reference of each answer, and when its torque acts [ns],
+            shape (AGES, 3).
+        commanded: Torques of each answer in the log [N m], shape (AGES, n).
+        ages: Ages of the states when they were answered [ns], shape (AGES,).
+    """
+
+    measured: Array
+    telemetry: Array
+    numbers: NDArray[np.int64]
+    command: NDArray[np.uint8]
+    torques: Array
+    log: NDArray[np.int64]
+    commanded: Array
+    ages: NDArray[np.int64]
+
+
+def shared(joints: int) -> Shared:
+    """Arrays before the first state."""
+    command = layouts.float64_multi_array(joints).draft()
+    made = Shared(
+        np.zeros((3, joints)),
+        np.zeros((4, joints)),
+        np.zeros(14, np.int64),
+        command.bytes,
+        command.fields['data'],
+        np.zeros((AGES, 3), np.int64),
+        np.zeros((AGES, joints)),
+        np.zeros(AGES, np.int64),
+    )
+    made.numbers[[LAST, START, END]] = NEVER
+    made.numbers[UNTIL] = FOREVER
+    return made
+
 
 # Return value of answer: bits, if the state was answered ...
 ANSWERED = 1
@@ -298,3 +346,46 @@ def _close(
         code |= STATUS
     numbers[PHASE] = phase
     return code
+
+
+# Which states were answered, from which references, and how old they were then.
+
+
+class AnswerLog:
+    """The record that the kernels keep of each answer, collected from time to time.
+
+    Attributes:
+        rhythm: How often states come and are skipped, of what was collected.
+    """
+
+    def __init__(self, arrays: Shared, period: int) -> None:
+        """Prepare the log; `arrays` are shared with the kernels, `period` is in ns."""
+        self.rhythm = StateRhythm(period)
+        self._arrays = arrays
+        self._numbers = arrays.numbers
+        self._ages_taken = 0
+
+    @property
+    def answered(self) -> int:
+        """Number of states that were answered."""
+        return int(self._numbers[ANSWERS])
+
+    def zero_command(self) -> bytes:
+        """A command of zero torque that answers no state, and is logged as such."""
+        row = self._numbers[LOGGED] % AGES
+        self._arrays.log[row] = self._arrays.commanded[row] = 0
+        self._numbers[LOGGED] += 1
+        return layouts.float64_multi_array(len(self._arrays.torques)).template.tobytes()
+
+    def take(self) -> bytes:
+        """Message of ``controller/answered``: which states were answered since the last call."""
+        count = min(int(self._numbers[LOGGED]), AGES)
+        self._numbers[LOGGED] = 0
+        self.rhythm.note(self._arrays.log[:count, 0].copy())
+        return answers_message(self._arrays.log[:count], self._arrays.commanded[:count])
+
+    def take_ages(self) -> Array:
+        """Ages of the states answered since the last call [s]; at most the newest AGES of them."""
+        rows = np.arange(max(self._ages_taken, self.answered - AGES), self.answered) % AGES
+        self._ages_taken = self.answered
+        return self._arrays.ages[rows] / NANOSECONDS

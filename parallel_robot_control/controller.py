@@ -10,14 +10,24 @@ import numpy as np
 
 from parallel_robot_control import configuration, transitions
 from parallel_robot_control.answer_kernel import (
+    ACTED,
+    AGE,
     ANSWERED,
+    ANSWERS,
+    CAUSE,
+    HEARD,
+    LAST,
+    NEVER,
     NO_REFERENCE,
     OUT_OF_ORDER,
+    PHASE,
     REFUSED,
     REFUSED_LONG,
+    START,
     STATUS,
+    UNTIL,
+    AnswerLog,
 )
-from parallel_robot_control.answer_log import AnswerLog
 from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_io import STATE_FIELDS, Answer, Change, JointSample
@@ -35,18 +45,6 @@ from parallel_robot_control.reference_buffer import (
 )
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import Limits
-from parallel_robot_control.shared_arrays import (
-    ACTED,
-    AGE,
-    ANSWERS,
-    CAUSE,
-    HEARD,
-    LAST,
-    NEVER,
-    PHASE,
-    START,
-    UNTIL,
-)
 from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
 from parallel_robot_model.configuration.hazards import HazardTimes, parse
 from parallel_robot_model.configuration.loop import OLDEST

@@ -9,13 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from parallel_robot_control import law_core, transitions
-from parallel_robot_control.assembly_mode import AssemblyModes
-from parallel_robot_control.configuration import ControlConfiguration, checked
-from parallel_robot_control.cycle import CycleState, initial_state
-from parallel_robot_control.messages import Telemetry
-from parallel_robot_control.reference_buffer import ReferenceBuffer
-from parallel_robot_control.safety import faults
-from parallel_robot_control.shared_arrays import (
+from parallel_robot_control.answer_kernel import (
     AGE,
     ANSWERS,
     CAUSE,
@@ -27,6 +21,12 @@ from parallel_robot_control.shared_arrays import (
     START,
     shared,
 )
+from parallel_robot_control.assembly_mode import AssemblyModes
+from parallel_robot_control.configuration import ControlConfiguration, checked
+from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.messages import Telemetry
+from parallel_robot_control.reference_buffer import ReferenceBuffer
+from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import entry_point, need_compiler

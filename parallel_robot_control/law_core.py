@@ -12,13 +12,12 @@ from typing import Any, NamedTuple
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_control.answer_kernel import answer
+from parallel_robot_control.answer_kernel import Shared, answer
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
 from parallel_robot_control.estimation.estimator import Estimator
 from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
 from parallel_robot_control.safety.limiting import Limits
-from parallel_robot_control.shared_arrays import Shared
 from parallel_robot_model.compiler import entry_point, kernel
 
 
