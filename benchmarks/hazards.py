@@ -24,10 +24,10 @@ from reliability import page
 from parallel_robot.studies.sweep import study
 from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import resolve
+from parallel_robot_control.controller_state import joining
 from parallel_robot_control.messages import limit_codes
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
-from parallel_robot_control.transitions import joining
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.hazards import KINDS, UNTOLD, Hazard, parse
 from parallel_robot_sim.assembly import assemble_plant

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_control import configuration, transitions
+from parallel_robot_control import configuration, controller_state
 from parallel_robot_control.answer_kernel import (
     ACTED,
     AGE,
@@ -162,9 +162,9 @@ class Controller(ControllerState):
         """
         self.configuration = change.configuration
         before, after = self._core, change.core
-        if transitions.same(before.law, after.law):
+        if controller_state.same(before.law, after.law):
             return
-        state = transitions.switched(self.state, before.law, after.law)
+        state = controller_state.switched(self.state, before.law, after.law)
         self._core = after
         self._changed = True
         self._store(state)
@@ -182,7 +182,7 @@ class Controller(ControllerState):
         if unknown:
             return unknown
         if self.fault != faults.NONE:
-            self._store(transitions.cleared(self.state))
+            self._store(controller_state.cleared(self.state))
             self._fault_seen = faults.NONE
             self.law.memory.begin()
         return ''
@@ -323,7 +323,7 @@ class Controller(ControllerState):
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)
 
     def _reset(self) -> None:
-        self._store(transitions.restarted(self.state, np.array(self.configuration.guess)))
+        self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))
         self.law.memory.begin()
         self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
         self._numbers[LAST] = NEVER

@@ -11,10 +11,16 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller_state import (
+    cleared,
+    joining,
+    rejoined,
+    tripped,
+    without_torque,
+)
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
-from parallel_robot_control.transitions import cleared, joining, rejoined, tripped, without_torque
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.hazards import SIGNS, HazardTimes
 from parallel_robot_sim.assembly import Plant

@@ -8,10 +8,10 @@ from rig import SAMPLES, Rig
 
 from parallel_robot_control import assembly as control
 from parallel_robot_control import configuration
+from parallel_robot_control.controller_state import taking_over
 from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import RAMP
-from parallel_robot_control.transitions import taking_over
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, config_files

@@ -16,8 +16,8 @@ from parallel_robot_control.assembly import assemble
 from parallel_robot_control.batch import States, answer
 from parallel_robot_control.configuration import ControlConfiguration, configure
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller_state import joining
 from parallel_robot_control.reference_buffer import RESTART
-from parallel_robot_control.transitions import joining
 from parallel_robot_model.common.units import NANOSECONDS, Array
 
 

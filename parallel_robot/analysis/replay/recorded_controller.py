@@ -15,13 +15,7 @@ from parallel_robot_control.assembly import Control, assemble
 from parallel_robot_control.batch import Batch, States, answer
 from parallel_robot_control.configuration import ControlConfiguration, changed, settings
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState
-from parallel_robot_control.extrapolation import extrapolate_rows
-from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_control.reference_buffer import RESTART
-from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.limiting import OVERDUE
-from parallel_robot_control.transitions import (
+from parallel_robot_control.controller_state import (
     cleared,
     joining,
     placed,
@@ -31,6 +25,12 @@ from parallel_robot_control.transitions import (
     tripped,
     without_torque,
 )
+from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.messages import NO_FAULT
+from parallel_robot_control.reference_buffer import RESTART
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.hazards import HazardTimes, parse
