@@ -10,7 +10,7 @@ import numpy as np
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.simulator import Simulator

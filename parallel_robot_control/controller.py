@@ -30,10 +30,9 @@ from parallel_robot_control.answer_kernel import (
 )
 from parallel_robot_control.configuration import ControlConfiguration, preset_of
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_io import STATE_FIELDS, Answer, Change, JointSample
 from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimation.estimator import delay_text
-from parallel_robot_control.law_cores import LawCores
+from parallel_robot_control.law_core import STATE_FIELDS, Answer, Change, JointSample, LawCores
 from parallel_robot_control.message_kernels import wire_of
 from parallel_robot_control.messages import LOST, Status
 from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw

@@ -33,7 +33,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import Foreign, JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import Answer, JointSample
+from parallel_robot_control.law_core import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics

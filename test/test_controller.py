@@ -10,7 +10,7 @@ from parallel_robot_control.answer_kernel import AHEAD, ANSWERED, OLD, STATUS
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.faults import EMERGENCY_STOP, REFERENCE_STALE
 from parallel_robot_model.common.errors import InputError

@@ -10,7 +10,7 @@ from numba.core.typing import typeof as typing_module
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.prepared_laws.prepared_law import renewed
 from parallel_robot_model.compiler import vectors
 from parallel_robot_model.configuration import config

@@ -27,7 +27,7 @@ from parallel_robot.bags.run import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.cache_directory import NOTICE

@@ -26,7 +26,7 @@ from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config

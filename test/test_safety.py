@@ -18,7 +18,7 @@ from parallel_robot_control import controller, controller_state
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_io import JointSample
+from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import limiting
 from parallel_robot_control.safety.faults import (
