@@ -16,8 +16,12 @@ from parallel_robot_control.cycle import CycleState, When
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.extrapolation import moved_on
-from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message
-from parallel_robot_control.messages import answers_message
+from parallel_robot_control.messages import (
+    NOT_UNDERSTOOD,
+    answers_message,
+    joint_row,
+    open_message,
+)
 from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last

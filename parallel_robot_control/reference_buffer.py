@@ -10,7 +10,7 @@ from numba.experimental import structref
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.extrapolation import extrapolate
-from parallel_robot_control.message_kernels import NOT_UNDERSTOOD, joint_row, open_message, wire_of
+from parallel_robot_control.messages import NOT_UNDERSTOOD, joint_row, open_message, wire_of
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import entry_point, inner, kernel, read_row, vector
 from parallel_robot_model.messages import layouts

@@ -8,7 +8,7 @@ import numpy as np
 from numba import types
 from numba.experimental import structref
 
-from parallel_robot_control.message_kernels import joint_row, lay_open
+from parallel_robot_control.messages import joint_row, lay_open
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
 from parallel_robot_sim.delay_line import sample_at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot_control.message_kernels import wire_of
+from parallel_robot_control.messages import wire_of
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import entry_point, need_compiler, vector
