@@ -15,14 +15,19 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, When
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
-from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.messages import (
     NOT_UNDERSTOOD,
     answers_message,
     joint_row,
     open_message,
 )
-from parallel_robot_control.reference_buffer import MISSING, RESTART, TOO_OLD, reference_at
+from parallel_robot_control.reference_buffer import (
+    MISSING,
+    RESTART,
+    TOO_OLD,
+    moved_on,
+    reference_at,
+)
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last
 from parallel_robot_control.states.state_rhythm import StateRhythm

@@ -19,8 +19,8 @@ from parallel_robot_control.estimation.estimator import (
     Estimated,
     estimated,
 )
-from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.prepared_laws.law_step import Asked
+from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, Last
 from parallel_robot_control.safety.state_consistency import inconsistent

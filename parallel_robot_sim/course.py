@@ -19,7 +19,7 @@ from parallel_robot_control.controller_state import (
     without_torque,
 )
 from parallel_robot_control.cycle import CycleState
-from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.hazards import SIGNS, HazardTimes

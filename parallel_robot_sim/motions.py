@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration.fields import corrected

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.delay_identification import phases, result
-from parallel_robot_control.extrapolation import moved_on
+from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
 from parallel_robot_model.configuration.loop import LoopParameters

@@ -26,9 +26,8 @@ from parallel_robot_control.controller_state import (
     without_torque,
 )
 from parallel_robot_control.cycle import CycleState
-from parallel_robot_control.extrapolation import extrapolate_rows
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_control.reference_buffer import RESTART
+from parallel_robot_control.reference_buffer import RESTART, extrapolate_rows
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.errors import BagError

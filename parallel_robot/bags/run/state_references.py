@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.extrapolation import extrapolate_rows
+from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import topics
 

@@ -17,7 +17,6 @@ from parallel_robot.bags.provenance.experiment import SIMULATION, describe
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.estimator import delay_text
-from parallel_robot_control.extrapolation import moved_on
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
@@ -26,6 +25,7 @@ from parallel_robot_control.messages import (
     status_message,
     telemetry_messages,
 )
+from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
