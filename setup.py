@@ -74,7 +74,6 @@ setup(
         'parallel_robot_control.laws',
         'parallel_robot_control.prepared_laws',
         'parallel_robot_control.safety',
-        'parallel_robot_control.states',
         'parallel_robot_control.terms',
         'parallel_robot_model',
         'parallel_robot_model.common',

@@ -15,6 +15,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState, When
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
+from parallel_robot_control.joint_states import StateRhythm
 from parallel_robot_control.messages import (
     NOT_UNDERSTOOD,
     answers_message,
@@ -30,7 +31,6 @@ from parallel_robot_control.reference_buffer import (
 )
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last
-from parallel_robot_control.states.state_rhythm import StateRhythm
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
 from parallel_robot_model.configuration.loop import OLDEST

@@ -33,12 +33,12 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import Foreign, JointReference
 from parallel_robot_control.controller import Controller
+from parallel_robot_control.joint_states import RefusedStates
 from parallel_robot_control.law_core import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
 from parallel_robot_control.safety import faults
-from parallel_robot_control.states.refused_states import RefusedStates
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages import topics

@@ -10,10 +10,9 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import controller, controller_state
+from parallel_robot_control import controller, controller_state, joint_states
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety.faults import EMERGENCY_STOP, NONE, STATES_LATE, STATES_STALE
-from parallel_robot_control.states import refused_states
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant
@@ -120,7 +119,7 @@ def test_odd_states_are_told_at_once_and_once(case, loop, monkeypatch):
         loop.controller._publish_diagnostics()
     told = [line for line in lines if text in line]
     assert len(told) == 1 and 'joint states are ' in told[0]
-    monkeypatch.setattr(refused_states, 'LATELY', 0.0)
+    monkeypatch.setattr(joint_states, 'LATELY', 0.0)
     if case != 'a little ahead':  # which is answered
         assert not any(loop.controller.doubts().values())
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot_control.states.state_rhythm import StateRhythm
+from parallel_robot_control.joint_states import StateRhythm
 
 MS = 10**6  # ns
 START = 10**9  # ns

@@ -17,8 +17,8 @@ from parallel_robot.bags.run.command_states import Answers, Used
 from parallel_robot.bags.run.counts import count
 from parallel_robot.bags.run.run_log import RunLog, rows, within
 from parallel_robot.bags.run.state_doubts import beyond, doubts, flipped, too_strong
+from parallel_robot_control.joint_states import StateRhythm
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
-from parallel_robot_control.states.state_rhythm import StateRhythm
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.loop import LoopParameters

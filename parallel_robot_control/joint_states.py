@@ -1,0 +1,188 @@
+"""Joint states that a controller gets: which it refuses, how often they come, what is wrong."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from parallel_robot_control.safety import faults
+from parallel_robot_model.common.units import NANOSECONDS, Array, usual_step
+from parallel_robot_model.configuration.loop import MICROSECOND
+
+# What is wrong with the joint states that a controller hears, in lines for its user.
+
+AHEAD = NANOSECONDS // 1000  # ns, by which clocks that are synchronised may differ
+SYNCHRONISE = 'synchronise the clocks (PTP, chrony)'
+
+
+def of_clock(ahead: int) -> str:
+    """That stamps lie ahead of the clock by some time [ns]; empty if they do not."""
+    if ahead <= AHEAD:
+        return ''
+    seconds = ahead / NANOSECONDS
+    return f'joint states are stamped {seconds:.3g} s ahead: cannot be latency; {SYNCHRONISE}'
+
+
+def of_age(age: int, limit: float) -> str:
+    """That states are refused because they are too old.
+
+    Args:
+        age: How old they are when they come [ns].
+        limit: How old they may be [s].
+    """
+    return (
+        f'joint states are {age / NANOSECONDS:.3g} s old when they come and refused '
+        f'(safety.state_age {limit:g} s): {SYNCHRONISE}, or find what holds them up'
+    )
+
+
+def of_numbers(problem: str, joints: tuple[str, ...]) -> str:
+    """That states are refused because numbers are missing.
+
+    Args:
+        problem: What is wrong with them, see JointReader.
+        joints: Names of the joints.
+    """
+    what = f'joint states are refused: {problem}'
+    if problem.startswith('velocity'):
+        way = 'estimator.kind filter or levant, or kalman with estimator.velocities false'
+        return f'{what}; {way}, needs positions alone'
+    return f'{what}; wanted are those of {", ".join(joints)}'
+
+
+# Joint states that a controller does not answer: by which clocks, and what was wrong lately.
+
+LATELY = 0.2  # s, since a state was refused, in which that is told
+
+
+class RefusedStates:
+    """Judges stamps by the clocks of this machine, and keeps why a state was refused last."""
+
+    def __init__(self, limit: float, ros_time: Callable[[], int]) -> None:
+        """Begin with none.
+
+        Args:
+            limit: How old a state may be, and how far its stamp may be ahead [s].
+            ros_time: Gives the time of ROS, perhaps a simulated one [ns].
+        """
+        self._limit, self._ros_time = limit, ros_time
+        self._clock_offset = time.time_ns() - time.monotonic_ns()
+        self._last, self._noted_at = (faults.NONE, 0), -math.inf
+
+    def now(self) -> int:
+        """Time against which the age of a state is checked [ns].
+
+        The earlier of two clocks: stamps go on as before when the system clock is set.
+        """
+        return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
+
+    def judge(self, stamp: int) -> int:
+        """Why a state with this stamp [ns] is refused: it waited in a queue, or is ahead."""
+        clocks, limit = self._clocks(), round(self._limit * NANOSECONDS)
+        if min(clocks) - stamp > limit:
+            return self.note(faults.STATES_LATE, min(clocks) - stamp)
+        if max(clocks) - stamp < -limit:
+            return self.note(faults.STATES_AHEAD, stamp - max(clocks))
+        return faults.NONE
+
+    def note(self, wrong: int, difference: int = 0) -> int:
+        """Note why a state is refused, and by how much its stamp is wrong [ns]."""
+        self._last, self._noted_at = (wrong, difference), time.monotonic()
+        return wrong
+
+    def told(self, stamp: int, problem: str, joints: tuple[str, ...]) -> dict[str, str]:
+        """What is wrong with the states, for people; see SuiteNode.doubts.
+
+        Args:
+            stamp: Stamp of the state that was answered last [ns].
+            problem: What was wrong with the last message that was not understood.
+            joints: Names of the joints.
+        """
+        doubts, ahead = {}, stamp - max(self._clocks())
+        if time.monotonic() - self._noted_at < LATELY:
+            wrong, difference = self._last
+            if wrong == faults.STATES_AHEAD:
+                ahead = difference
+            elif wrong == faults.STATES_LATE:
+                doubts['age'] = of_age(difference, self._limit)
+            else:
+                doubts['numbers'] = of_numbers(problem, joints)
+        return doubts | {'ahead': of_clock(ahead)}
+
+    def _clocks(self) -> tuple[int, int, int]:
+        """Present times that a stamp may be of [ns]."""
+        return time.time_ns(), self._clock_offset + time.monotonic_ns(), self._ros_time()
+
+
+# How often joint states come, and how many of them were not answered, by their stamps.
+
+FEW = 10  # steps from a state to the next, below which nothing is said
+NEAR = 0.1  # share of the period, by which steps may differ from it on average
+SINGLE = 0.02  # share of steps of one period, at least, of states of that period
+PAUSE = NANOSECONDS // 2  # ns; a longer step is one to another run
+
+
+class StateRhythm:
+    """Finds the period of the states that were answered, and how many are missing between them.
+
+    Attributes:
+        period: From a state to the next [ns]: that of the configuration while it fits.
+        skipped: Number of states that were not answered, or never arrived.
+    """
+
+    def __init__(self, period: int) -> None:
+        """Prepare; `period` is that of the configuration [ns]."""
+        self.period = self._told = period
+        self.skipped = 0
+        self._noted: deque[NDArray[np.int64]] = deque()
+        self._stamps = np.zeros(0, np.int64)
+
+    def note(self, stamps: NDArray[np.int64]) -> None:
+        """Note the stamps of answered states [ns], zero for none; cheap, for the loop."""
+        self._noted.append(stamps)
+
+    def look(self) -> None:
+        """Take in what was noted since the last time; in one thread alone."""
+        new = [self._noted.popleft() for _ in range(len(self._noted))]
+        stamps = np.concatenate([self._stamps, *(part[part > 0] for part in new)])
+        if len(stamps) <= FEW:
+            self._stamps = stamps
+            return
+        self._stamps = stamps[-1:]
+        steps = np.diff(stamps)
+        steps = steps[(steps > 0) & (steps < PAUSE)]
+        if not len(steps):
+            return
+        periods = _periods(steps, self._told)
+        near = abs(steps.sum() / (periods.sum() * self._told) - 1.0) < NEAR
+        fits = near and np.mean(periods == 1) > SINGLE
+        self.period = self._told if fits else _whole(usual_step(steps))
+        # Each by itself counts steps that are long by chance, all together a period that is.
+        missing = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
+        self.skipped += max(0, int(missing) - len(steps))
+
+    @property
+    def doubt(self) -> str:
+        """That the period of the configuration is another one; empty if it fits."""
+        if self.period == self._told:
+            return ''
+        come, told = (NANOSECONDS / each for each in (self.period, self._told))
+        return (
+            f'joint states come at {come:.4g} Hz, the period says {told:.4g} Hz: '
+            f'give the controller the period {self.period / NANOSECONDS:.4g}'
+        )
+
+
+def _whole(period: float) -> int:
+    """A period in whole microseconds [ns], as a configuration has it."""
+    return max(1, round(period / MICROSECOND)) * MICROSECOND
+
+
+def _periods(steps: NDArray[np.int64], period: int) -> Array:
+    """Number of periods of each step."""
+    return np.maximum(np.rint(steps / period), 1.0)

@@ -1,1 +1,0 @@
-"""Joint states that arrive: how often, which are refused, and what is said of it."""
