@@ -2,10 +2,17 @@
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.foreign.law import ForeignLaw
-from parallel_robot_control.terms.antiwindup import unless_any_saturated, unless_saturated
-from parallel_robot_control.terms.coupling import coupling, synchronisation_error
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
-from parallel_robot_control.terms.switching_functions import saturate, sig
+from parallel_robot_control.terms import (
+    Integral,
+    advanced,
+    coupling,
+    saturate,
+    sig,
+    synchronisation_error,
+    unless_any_saturated,
+    unless_saturated,
+    zero_integral,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import (
     clip,

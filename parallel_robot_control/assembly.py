@@ -15,7 +15,7 @@ from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw, prepa
 from parallel_robot_control.repetition import repetition_of, rows
 from parallel_robot_control.safety import faults, lock_in_limits
 from parallel_robot_control.safety.limiting import limits_of
-from parallel_robot_control.terms.place_gradient import asked_of
+from parallel_robot_control.terms import asked_of
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, Space, vector
 from parallel_robot_model.processes.custom_module import distinguish

@@ -16,7 +16,7 @@ find noise and disturbance [s], ``PLACE = True``, if it needs the place in its f
 
 The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault
 replaces it with a safe action. A law may demand any torque, but its integrals must not wind up
-while less is applied: see :mod:`parallel_robot_control.terms.antiwindup`.
+while less is applied: see :mod:`parallel_robot_control.terms`.
 """
 
 from __future__ import annotations

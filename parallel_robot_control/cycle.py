@@ -26,7 +26,7 @@ from parallel_robot_control.safety.limiting import EFFORT, Last
 from parallel_robot_control.safety.state_consistency import inconsistent
 from parallel_robot_control.safety.torque_arrival import TOLD, arrival
 from parallel_robot_control.sense_and_act import act, sense
-from parallel_robot_control.terms.place_gradient import NO_PLACE, place_gradient
+from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     FirstClass,
@@ -87,7 +87,7 @@ class ControlSetup(NamedTuple):
         estimate: Estimate of the robot module, as FirstClass.
         ahead: The same for states that are only judged, as FirstClass.
         locate: Its forward kinematics, as FirstClass.
-        place: Number of the coordinates of the place that the law asks for, see place_gradient.py.
+        place: Number of the coordinates of the place that the law asks for, see terms.py.
         law: The law itself, an address; of one type for all laws.
         memory: Its memory, a KeptValue.
         robot: Constants of the nominal robot, boxed.

@@ -10,7 +10,7 @@ from numba import types
 from numba.experimental import structref
 
 from parallel_robot_control.safety import limiting
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.messages import cdr, layouts, topics

@@ -8,13 +8,13 @@ from assembly import simulated
 from rig import Rig
 from vectors import on_vectors
 
+from parallel_robot_control import terms
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.terms import antiwindup
 from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration import config
 
-unless_saturated = on_vectors(antiwindup.unless_saturated)
-unless_any_saturated = on_vectors(antiwindup.unless_any_saturated)
+unless_saturated = on_vectors(terms.unless_saturated)
+unless_any_saturated = on_vectors(terms.unless_any_saturated)
 WITH_INTEGRAL = [
     'pid', 'super_twisting', 's_smc',
     's_fotsmc', 'fotsmc', 'adaptive_s_fotsmc', 's_fotsmc_ft',

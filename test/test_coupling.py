@@ -7,11 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vectors import on_vectors
 
-from parallel_robot_control.terms import coupling as ring
-from parallel_robot_control.terms import switching_functions
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control import terms
+from parallel_robot_control.terms import synchronisation_error
 
-coupling, sig = on_vectors(ring.coupling), on_vectors(switching_functions.sig)
+coupling, sig = on_vectors(terms.coupling), on_vectors(terms.sig)
 ANY = st.integers(2, 8).flatmap(lambda n: rows(10.0, n))
 L = np.array([[2, -1, -1], [-1, 2, -1], [-1, -1, 2]])
 

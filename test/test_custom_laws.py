@@ -372,11 +372,11 @@ import numpy as np
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.compiler import multiply, select, vector
-from parallel_robot_control.terms.antiwindup import unless_any_saturated, unless_saturated
+from parallel_robot_control.terms import unless_any_saturated, unless_saturated
 from parallel_robot_control.contract import ControlOutput
-from parallel_robot_control.terms.coupling import coupling
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
-from parallel_robot_control.terms.switching_functions import saturate, sig
+from parallel_robot_control.terms import coupling
+from parallel_robot_control.terms import Integral, advanced, zero_integral
+from parallel_robot_control.terms import saturate, sig
 from parallel_robot_model.robots.contract import inverse_dynamics
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parallel_robot_control.configuration import configure, resolve
-from parallel_robot_control.terms.place_gradient import place_gradient
+from parallel_robot_control.terms import place_gradient
 from parallel_robot_model.compiler import kernel, vector
 from parallel_robot_model.robots.contract import PoseMotion
 

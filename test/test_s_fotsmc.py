@@ -6,7 +6,7 @@ from vectors import on_vectors
 
 from parallel_robot_control.contract import Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.terms.integral import advanced
+from parallel_robot_control.terms import advanced
 from parallel_robot_model.compiler import as_arrays
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot.bags.run.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.robots.contract import angles_between

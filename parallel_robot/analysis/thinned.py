@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot.analysis.decimation import INTERVALS, extremes
 from parallel_robot.analysis.metrics import distances, rotation_errors
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_sim.motions import Motion, Poses
 
 STEP = 0.01  # s, between two samples of a path

@@ -7,7 +7,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.terms.switching_functions import saturate, sig
+from parallel_robot_control.terms import saturate, sig
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel

@@ -6,8 +6,7 @@ from parallel_robot_control.contract import ControlOutput, Feedback, JointRefere
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.laws.s_fotsmc import Gains as Gains
 from parallel_robot_control.laws.s_fotsmc import Memory
-from parallel_robot_control.terms.antiwindup import unless_saturated
-from parallel_robot_control.terms.integral import Integral
+from parallel_robot_control.terms import Integral, unless_saturated
 from parallel_robot_model.compiler import clip, kernel, multiply
 from parallel_robot_model.robots.contract import Model
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws.super_twisting import Gains as Gains
-from parallel_robot_control.terms.antiwindup import unless_saturated
+from parallel_robot_control.terms import unless_saturated
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, kernel, select, vector
 from parallel_robot_model.robots.contract import Model, inverse_dynamics

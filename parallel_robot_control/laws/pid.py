@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.terms.antiwindup import unless_saturated
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
+from parallel_robot_control.terms import Integral, advanced, unless_saturated, zero_integral
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model

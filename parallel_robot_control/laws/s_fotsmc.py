@@ -7,10 +7,15 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.terms.antiwindup import unless_any_saturated, unless_saturated
-from parallel_robot_control.terms.coupling import coupling
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
-from parallel_robot_control.terms.switching_functions import sig
+from parallel_robot_control.terms import (
+    Integral,
+    advanced,
+    coupling,
+    sig,
+    unless_any_saturated,
+    unless_saturated,
+    zero_integral,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.terms.switching_functions import sig
+from parallel_robot_control.terms import sig
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, select
 from parallel_robot_model.configuration.fields import Field

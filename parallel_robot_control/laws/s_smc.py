@@ -5,10 +5,14 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.terms.antiwindup import unless_any_saturated
-from parallel_robot_control.terms.coupling import coupling
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
-from parallel_robot_control.terms.switching_functions import saturate
+from parallel_robot_control.terms import (
+    Integral,
+    advanced,
+    coupling,
+    saturate,
+    unless_any_saturated,
+    zero_integral,
+)
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model, inverse_dynamics

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, NamedTuple
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.terms.switching_functions import saturate
+from parallel_robot_control.terms import saturate
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, vector
 from parallel_robot_model.configuration.fields import Field

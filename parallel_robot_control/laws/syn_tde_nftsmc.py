@@ -9,10 +9,14 @@ import numpy as np
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
 from parallel_robot_control.laws.nftsmc import classical
 from parallel_robot_control.laws.tdc import unexplained
-from parallel_robot_control.terms.antiwindup import unless_any_saturated
-from parallel_robot_control.terms.coupling import coupling
-from parallel_robot_control.terms.integral import Integral, advanced, zero_integral
-from parallel_robot_control.terms.switching_functions import saturate
+from parallel_robot_control.terms import (
+    Integral,
+    advanced,
+    coupling,
+    saturate,
+    unless_any_saturated,
+    zero_integral,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, vector

@@ -15,7 +15,7 @@ from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.report.scale import logarithmic
 from parallel_robot.analysis.report.space_views import VIEWS
 from parallel_robot.analysis.thinned import FIRST, Series
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.units import all_of
 
 TIME = 't [s]'

@@ -17,7 +17,7 @@ from parallel_robot.analysis.report.space_views import add_lines, add_path, post
 from parallel_robot.bags import new_files
 from parallel_robot.bags.printable_output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_control.terms.coupling import synchronisation_error
+from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.robots.registry import robot_of

@@ -1,1 +1,0 @@
-"""Terms that laws are made of."""
