@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_control import repetition
 from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimation import cycle_memory, kalman, kalman_memory, lock_in
+from parallel_robot_control.estimation import cycle_memory, kalman, lock_in
 from parallel_robot_control.estimation.estimator import (
     AGED,
     FILTER,
@@ -217,7 +217,7 @@ def run_cycle(
         begin(setup.memory)
         excess = np.zeros_like(excess)
     if begun == BACK:
-        kalman_memory.forget(filter_.memory)
+        kalman.forget(filter_.memory)
     since = dt
     if tracks:
         since = cycle_memory.between(filter_.memory, when.age, known, dt)
@@ -228,8 +228,8 @@ def run_cycle(
         velocity = found.velocity
     if tracks and not filter_.velocities:
         velocity = np.zeros_like(velocity)
-        if kalman_memory.running(filter_, when.sample, state.last.known):
-            velocity = kalman_memory.known_velocity(filter_, velocity)
+        if kalman.running(filter_, when.sample, state.last.known):
+            velocity = kalman.known_velocity(filter_, velocity)
     joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, since)
     reference = moved_on(joined, -late)
     error = position - reference.position

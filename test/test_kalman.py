@@ -9,8 +9,7 @@ from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation import cycle_memory, kalman
-from parallel_robot_control.estimation.kalman_equations import DRIFT, SMOOTH, Kalman
-from parallel_robot_control.estimation.kalman_memory import AT_REST
+from parallel_robot_control.estimation.kalman import AT_REST, DRIFT, SMOOTH, Kalman
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.configuration import config

@@ -25,7 +25,7 @@ WAYS = ADDED + 1  # row where those of state_consistency.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
 APPROACH = MOMENTUM + 5  # of approach.py
-LEVELS = APPROACH + 5  # and of kalman_levels.py
+LEVELS = APPROACH + 5  # and of kalman.py
 ROWS = LEVELS + 3
 
 

@@ -15,8 +15,7 @@ from parallel_robot_control.estimation.delay_identification import (
     result,
     text,
 )
-from parallel_robot_control.estimation.kalman_equations import Kalman
-from parallel_robot_control.estimation.kalman_memory import MOST
+from parallel_robot_control.estimation.kalman import MOST, Kalman
 from parallel_robot_control.estimation.lock_in import LockIn
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits

@@ -11,19 +11,361 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation import cycle_memory, kalman_levels
-from parallel_robot_control.estimation.kalman_equations import (
-    Kalman,
-    Mean,
-    corrected,
-    moved,
-    sign,
-    spread,
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.estimation.cycle_memory import (
+    LEVELS,
+    MEAN,
+    RUNNING,
+    SAMPLE,
+    SIZE,
+    VARIANCE,
 )
-from parallel_robot_control.estimation.kalman_memory import MOST, begin, read, running, write
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, multiply, select
+from parallel_robot_model.compiler import (
+    clip,
+    inner,
+    kernel,
+    multiply,
+    read_at,
+    select,
+    solve,
+    vector,
+    write_at,
+)
 from parallel_robot_model.robots.contract import Model
+
+# Equations of the Kalman filter of the joints: how means and covariances move, and are corrected.
+#
+# For each joint the filter knows position q, velocity v, a disturbance w that varies, a constant
+# one c, and dry friction f against the desired motion:
+#
+#     M v' = tau - Q v - gravity - w - c - f s,   s = clip(rate_r / SMOOTH, -1, 1)
+#     w' = -b w + noise,   c and f drift slowly
+#
+# The means of all joints move by the nominal model, M and Q at the measured joints. The
+# covariances are those of each joint alone, with 1 / M_ii for its mobility, so a cycle has no
+# large matrices.
+#
+# Sources:     Kalman (1960), A new approach to linear filtering and prediction problems, J. Basic
+# Engineering     82(1); Johnson (1971), Accommodation of external disturbances in linear regulator
+# and     servomechanism problems, IEEE Trans. Automatic Control 16(6), for a disturbance as a
+# state.
+
+SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
+DRIFT = 0.01  # 1/s, of the variances of constant disturbance and dry friction, relative
+
+
+class Kalman(NamedTuple):
+    """The filter as the kernels take it; variances have shape (n,).
+
+    Attributes:
+        period: Of the samples [s].
+        command_delay: From a command until it acts [s].
+        lag: Time constant of the motors after that [s].
+        velocities: Whether measured velocities are used.
+        position: Variance of the measured positions [rad^2].
+        velocity: Of the measured velocities [(rad/s)^2].
+        disturbance: Of w [(N m)^2].
+        bandwidth: b [1/s].
+        offset: Of c before it is known [(N m)^2].
+        coulomb: Of f before it is known [(N m)^2].
+        levels: Time over which the first three variances are found [s]; 0: they are as given.
+        memory: Address of its memory, see kalman.py.
+    """
+
+    period: float
+    command_delay: float
+    lag: float
+    velocities: bool
+    position: Array
+    velocity: Array
+    disturbance: Array
+    bandwidth: float
+    offset: Array
+    coulomb: Array
+    levels: float
+    memory: int
+
+
+class Mean(NamedTuple):
+    """What is known of the joints, each shape (n,).
+
+    Attributes:
+        position: q [rad].
+        velocity: v [rad/s].
+        disturbance: w [N m].
+        offset: c [N m].
+        coulomb: f [N m].
+    """
+
+    position: Array
+    velocity: Array
+    disturbance: Array
+    offset: Array
+    coulomb: Array
+
+
+class Variance(NamedTuple):
+    """Covariances of the parts of a Mean, joint by joint, each shape (n,)."""
+
+    qq: Array
+    qv: Array
+    qw: Array
+    qc: Array
+    qf: Array
+    vv: Array
+    vw: Array
+    vc: Array
+    vf: Array
+    ww: Array
+    wc: Array
+    wf: Array
+    cc: Array
+    cf: Array
+    ff: Array
+
+
+@inner
+def sign(kalman: Kalman, reference: JointReference, back: float) -> Array:
+    """Sign of the desired motion some time before the torque acts [s], smooth, shape (n,)."""
+    later = kalman.command_delay - back
+    rate = reference.velocity + later * reference.acceleration
+    return clip(rate / SMOOTH, -1.0, 1.0)
+
+
+@inner
+def moved(kalman: Kalman, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
+    """The means after a time h [s] under a torque [N m], shape (n,)."""
+    against = multiply(model.Q, x.velocity) + model.gravity
+    against = against + x.disturbance + x.offset + x.coulomb * sign
+    acceleration = solve(model.M, torque - against)
+    return Mean(
+        x.position + h * (x.velocity + 0.5 * h * acceleration),
+        x.velocity + h * acceleration,
+        x.disturbance / (1.0 + h * kalman.bandwidth),
+        x.offset,
+        x.coulomb,
+    )
+
+
+@inner
+def spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) -> Variance:
+    """The covariances after a time h [s].
+
+    Args:
+        kalman: The filter.
+        mobility: 1 / M_ii [1/(kg m^2)], shape (n,).
+        p: The covariances before.
+        s: Sign of the motion, shape (n,).
+        h: The time.
+    """
+    left = 1.0 / (1.0 + h * kalman.bandwidth)  # of w
+    u = -h * mobility
+    # 1. What a transition makes of the rows,
+    qq, qv, qw = p.qq + h * p.qv, p.qv + h * p.vv, p.qw + h * p.vw
+    qc, qf = p.qc + h * p.vc, p.qf + h * p.vf
+    vv = p.vv + u * (p.vw + p.vc + s * p.vf)
+    vw = p.vw + u * (p.ww + p.wc + s * p.wf)
+    vc = p.vc + u * (p.wc + p.cc + s * p.cf)
+    vf = p.vf + u * (p.wf + p.cf + s * p.ff)
+    # 2. then of the columns; and noise.
+    return Variance(
+        qq + h * qv,
+        qv + u * (qw + qc + s * qf),
+        left * qw,
+        qc,
+        qf,
+        vv + u * (vw + vc + s * vf),
+        left * vw,
+        vc,
+        vf,
+        left * left * p.ww + (1.0 - left * left) * kalman.disturbance,
+        left * p.wc,
+        left * p.wf,
+        p.cc + h * DRIFT * kalman.offset,
+        p.cf,
+        p.ff + h * DRIFT * kalman.coulomb,
+    )
+
+
+@inner
+def corrected(
+    x: Mean, p: Variance, of: Mean, miss: Array, variance: Array
+) -> tuple[Mean, Variance]:
+    """Means and covariances with one more measured quantity of each joint.
+
+    Args:
+        x: The means before.
+        p: The covariances before.
+        of: Covariances of the parts of a Mean with that quantity.
+        miss: Measured less expected, shape (n,).
+        variance: Of `miss`, shape (n,).
+    """
+    e = miss / variance
+    mean = Mean(
+        x.position + of.position * e,
+        x.velocity + of.velocity * e,
+        x.disturbance + of.disturbance * e,
+        x.offset + of.offset * e,
+        x.coulomb + of.coulomb * e,
+    )
+    return mean, _less(p, 1.0 / variance, of)
+
+
+@inner
+def _less(p: Variance, g: Array, of: Mean) -> Variance:
+    """Covariances less g times the products of a column of them."""
+    q, v, w, c, f = of
+    return Variance(
+        p.qq - g * q * q,
+        p.qv - g * q * v,
+        p.qw - g * q * w,
+        p.qc - g * q * c,
+        p.qf - g * q * f,
+        p.vv - g * v * v,
+        p.vw - g * v * w,
+        p.vc - g * v * c,
+        p.vf - g * v * f,
+        p.ww - g * w * w,
+        p.wc - g * w * c,
+        p.wf - g * w * f,
+        p.cc - g * c * c,
+        p.cf - g * c * f,
+        p.ff - g * f * f,
+    )
+
+
+# Levels of noise and disturbance that the Kalman filter finds by itself, from its innovations.
+#
+# With the right levels the square of what is measured less what was expected has the mean P + R, P
+# the variance of the prediction and R that of the noise; and the square of an estimate and its
+# variance sum up to that of what is estimated. So each level follows a moving mean.
+#
+# Sources:     Mehra (1970), On the identification of variances and adaptive Kalman filtering, IEEE
+# Trans.     Automatic Control 15(2), for the noise; Shumway, Stoffer (1982), J. Time Series
+# Analysis 3(4),     for the disturbance.
+
+RANGE = 100.0  # of a variance, to either side of the given one
+
+
+@inner
+def with_levels(kalman: Kalman) -> Kalman:
+    """The filter with the levels that it found; as it is where it finds none."""
+    if kalman.levels == 0.0:
+        return kalman
+    like = kalman.position
+    return Kalman(
+        kalman.period,
+        kalman.command_delay,
+        kalman.lag,
+        kalman.velocities,
+        read_at(kalman.memory, LEVELS, like),
+        read_at(kalman.memory, LEVELS + 1, like),
+        read_at(kalman.memory, LEVELS + 2, like),
+        kalman.bandwidth,
+        kalman.offset,
+        kalman.coulomb,
+        kalman.levels,
+        kalman.memory,
+    )
+
+
+@inner
+def begin_levels(kalman: Kalman) -> None:
+    """Begin at the given levels."""
+    write_at(kalman.memory, LEVELS, kalman.position)
+    write_at(kalman.memory, LEVELS + 1, kalman.velocity)
+    write_at(kalman.memory, LEVELS + 2, kalman.disturbance)
+
+
+@inner
+def follow_level(kalman: Kalman, which: int, given: Array, square: Array, dt: float) -> None:
+    """Let a level follow a square.
+
+    Args:
+        kalman: The filter.
+        which: 0 of the positions, 1 of the velocities, 2 of the disturbance.
+        given: The level at the beginning, shape (n,).
+        square: What has the level for its mean, shape (n,).
+        dt: Time since the state before [s].
+    """
+    level = read_at(kalman.memory, LEVELS + which, given)
+    share = select(dt < kalman.levels, dt / kalman.levels, 1.0)
+    level = level + share * (square - level)
+    level = select(level < given / RANGE, given / RANGE, level)
+    write_at(kalman.memory, LEVELS + which, select(level > given * RANGE, given * RANGE, level))
+
+
+# What the Kalman filter keeps from state to state, in the memory of the cycle.
+
+MOST = 50  # samples, largest age from which is predicted
+AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
+MOVING = 1.0  # (rad/s)^2, of one that moves
+MEANS = 5
+
+
+@inner
+def running(kalman: Kalman, sample: int, known: bool) -> bool:
+    """Whether the filter ran not long before a sample; `known`: whether there was one."""
+    since = sample - read_at(kalman.memory, SAMPLE, 0.0)
+    on = read_at(kalman.memory, RUNNING, 0.0) != 0.0
+    return known and on and since >= 0.0 and since <= SIZE - 2 * MOST
+
+
+@inner
+def known_velocity(kalman: Kalman, like: Array) -> Array:
+    """The last estimate of the velocity [rad/s], shape (n,)."""
+    return read_at(kalman.memory, MEAN + 1, like)
+
+
+@inner
+def forget(memory: int) -> None:
+    """Let the filter begin anew at the next state."""
+    write_at(memory, RUNNING, 0.0)
+
+
+@inner
+def write(kalman: Kalman, x: Mean, p: Variance) -> None:
+    """Keep what is known."""
+    mean = vector((x.position, x.velocity, x.disturbance, x.offset, x.coulomb))
+    write_at(kalman.memory, MEAN // MEANS, mean)
+    of_q = vector((p.qq, p.qv, p.qw, p.qc, p.qf))
+    of_v = vector((p.vv, p.vw, p.vc, p.vf, p.ww))
+    of_w = vector((p.wc, p.wf, p.cc, p.cf, p.ff))
+    for k, part in enumerate((of_q, of_v, of_w)):
+        write_at(kalman.memory, VARIANCE // MEANS + k, part)
+
+
+@inner
+def read(kalman: Kalman, like: Array) -> tuple[Mean, Variance]:
+    """What is known; `like` is any vector of shape (n,)."""
+    five = vector((like, like, like, like, like))
+    x = read_at(kalman.memory, MEAN // MEANS, five)
+    q = read_at(kalman.memory, VARIANCE // MEANS, five)
+    v = read_at(kalman.memory, VARIANCE // MEANS + 1, five)
+    w = read_at(kalman.memory, VARIANCE // MEANS + 2, five)
+    mean = Mean(x[0], x[1], x[2], x[3], x[4])
+    return mean, Variance(
+        q[0], q[1], q[2], q[3], q[4], v[0], v[1], v[2], v[3], v[4], w[0], w[1], w[2], w[3], w[4]
+    )
+
+
+@inner
+def begin(
+    kalman: Kalman, moving: bool, position: Array, velocity: Array, torque: Array
+) -> tuple[Mean, Variance]:
+    """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
+    z = np.zeros_like(position)
+    cycle_memory.fill(kalman.memory, torque)
+    v = z + select(moving, MOVING, AT_REST)
+    q, w, c, f = (
+        z + kalman.position,
+        z + kalman.disturbance,
+        z + kalman.offset,
+        z + kalman.coulomb,
+    )
+    mean = Mean(position, velocity, z, z, z)
+    return mean, Variance(q, z, z, z, z, v, z, z, z, w, z, z, c, z, f)
 
 
 class Predicted(NamedTuple):
@@ -76,7 +418,7 @@ def predicted(
     # 1. From the state before to this one, under the torques that acted.
     if running(kalman, sample, moving):
         x, p = read(kalman, position)
-        kalman = kalman_levels.with_levels(kalman)
+        kalman = with_levels(kalman)
         mobility = 1.0 / _diagonal(model.M, position)
         start = late + select(dt > most, most, dt)
         j = _periods(start, period)
@@ -93,21 +435,21 @@ def predicted(
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
         miss = position - x.position
         if finds:
-            kalman_levels.follow(kalman, 0, given.position, miss * miss - p.qq, dt)
+            follow_level(kalman, 0, given.position, miss * miss - p.qq, dt)
         x, p = corrected(x, p, of, miss, p.qq + kalman.position)
         if kalman.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
             miss = velocity - x.velocity
             if finds:
-                kalman_levels.follow(kalman, 1, given.velocity, miss * miss - p.vv, dt)
+                follow_level(kalman, 1, given.velocity, miss * miss - p.vv, dt)
             x, p = corrected(x, p, of, miss, p.vv + kalman.velocity)
         if finds:
             square = x.disturbance * x.disturbance + p.ww
-            kalman_levels.follow(kalman, 2, given.disturbance, square, dt)
+            follow_level(kalman, 2, given.disturbance, square, dt)
     else:
         rate = velocity if kalman.velocities else np.zeros_like(velocity)
         x, p = begin(kalman, moving, position, rate, before)
-        kalman_levels.begin(kalman)
+        begin_levels(kalman)
     write(kalman, x, p)
     # 2. Over the age of this state, under the torques that were asked for since.
     j = _periods(late, period)
