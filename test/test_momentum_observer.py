@@ -6,7 +6,7 @@ from assembly import simulate
 from scipy.integrate import solve_ivp
 from vectors import OnVectors
 
-from parallel_robot_control.estimation.momentum_observer import Observed, observed
+from parallel_robot_control.estimation.estimator import Observed, observed
 from parallel_robot_model.compiler import as_vectors, kernel
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots import planar_3rrr

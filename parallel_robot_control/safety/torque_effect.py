@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_control.estimation import cycle_memory
-from parallel_robot_control.estimation.momentum_observer import Observed, observed
+from parallel_robot_control.estimation.estimator import Observed, observed
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, largest, read_at, select, write_at
 from parallel_robot_model.robots.contract import Model
