@@ -18,8 +18,7 @@ import numpy as np
 from parallel_robot.bags.progress import tracked
 from parallel_robot.studies.sweep import plan, study
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimation.delay_identification import result
-from parallel_robot_control.estimation.lock_in import KEPT
+from parallel_robot_control.estimation.lock_in import KEPT, result
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_sim.configuration import configure

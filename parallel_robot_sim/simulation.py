@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation.delay_identification import phases, result
+from parallel_robot_control.estimation.lock_in import phases, result
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart

@@ -8,12 +8,15 @@ from parallel_robot_control.assembly import assemble as assemble_control
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation import lock_in
-from parallel_robot_control.estimation.delay_identification import (
+from parallel_robot_control.estimation.lock_in import (
+    FOUND,
+    KEPT,
+    UNDER_WAY,
+    WAITING,
     LockInParameters,
     lock_in_of,
     result,
 )
-from parallel_robot_control.estimation.lock_in import FOUND, KEPT, UNDER_WAY, WAITING
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Space, kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import Model

@@ -9,14 +9,14 @@ import numpy as np
 
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation import cycle_memory
-from parallel_robot_control.estimation.delay_identification import (
+from parallel_robot_control.estimation.kalman import MOST, Kalman
+from parallel_robot_control.estimation.lock_in import (
+    LockIn,
     LockInParameters,
     lock_in_of,
     result,
     text,
 )
-from parallel_robot_control.estimation.kalman import MOST, Kalman
-from parallel_robot_control.estimation.lock_in import LockIn
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.compiler import Space, clip, inner, kernel, multiply, select, vector
