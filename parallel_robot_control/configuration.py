@@ -8,12 +8,12 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
+from parallel_robot_control import law_loader
 from parallel_robot_control.approach import ApproachParameters
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.estimation.lock_in import LockInParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_laws import law_loader
 from parallel_robot_control.prepared_laws.prepared_law import judge
 from parallel_robot_control.repetition import RepetitionParameters, turn_of
 from parallel_robot_control.safety.limiting import SafetyParameters

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration import yaml_file
@@ -210,7 +210,7 @@ def simulate(
     """
     name = named('scenario', scenario)
     changed = changes(param_file, values)
-    of_law = {} if law is None else law_file.chosen(named('law', law), changed)
+    of_law = {} if law is None else law_loader.chosen(named('law', law), changed)
     of_run = {} if duration is None else {'duration': duration}
     changed = merged([changed, of_law, of_run])
     changed = with_duration(name, changed, hold)

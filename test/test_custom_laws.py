@@ -12,9 +12,10 @@ from rig import Rig
 import parallel_robot as pr
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.cli.command_line import main
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_laws import law_loader, law_titles, law_trial
+from parallel_robot_control.prepared_laws import law_trial
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Vector
 from parallel_robot_model.messages import topics
@@ -319,7 +320,9 @@ def test_a_title_is_what_pictures_and_reports_call_a_law(write):
         'pid': b"TITLE = 'best'",
         'long': b'TITLE = "%s"' % (b'x' * 99),
     }
-    law_titles.learn(hostile | {'odd': b"TITLE = 'a\x07\xff'", 'run': b'TITLE = str(1 // 0)'})
+    law_loader.learn_titles(
+        hostile | {'odd': b"TITLE = 'a\x07\xff'", 'run': b'TITLE = str(1 // 0)'}
+    )
     assert [law_label(name) for name in ('named', 'long', 'odd', 'run')] == [
         'named',
         'long',

@@ -8,10 +8,10 @@ import pytest
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.tuning.space import space_of
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.foreign.law import ForeignLaw
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.prepared_laws import law_loader
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import fields

@@ -40,8 +40,8 @@ from parallel_robot.studies.sweep.store import RUNS
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.sweep import sweep as run_sweep
 from parallel_robot.studies.sweep.workers import Processes
+from parallel_robot_control import law_loader
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_control.prepared_laws import law_file, law_titles
 from parallel_robot_model.common.errors import (
     BagError,
     Frame,
@@ -150,7 +150,7 @@ def load(
     log, past, extra = recorded_robot.read(
         bag, memory, code, (SLIDING_VARIABLE,), view=arguments.view(given)
     )
-    law_titles.learn(past.sources['custom_laws'])
+    law_loader.learn_titles(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
     except KinematicsError as error:
@@ -401,8 +401,8 @@ def sweep(
     else:
         raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
     listed = None if laws is None else [named('law', law) for law in laws]
-    names = None if listed is None else [*map(law_file.name_of, listed)]
-    files = law_file.files_of(listed or (), values)
+    names = None if listed is None else [*map(law_loader.name_of, listed)]
+    files = law_loader.files_of(listed or (), values)
     asked = studies.parse(text, name, folder, names).changed(runs, values | files)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)

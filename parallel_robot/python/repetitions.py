@@ -15,8 +15,8 @@ from parallel_robot.bags import new_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_sim.configuration import configure
@@ -68,7 +68,7 @@ def replay(
     options = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
     changed = changes(param_file, values)
     if law is not None:
-        changed = merged([changed, law_file.chosen(named('law', law), changed)])
+        changed = merged([changed, law_loader.chosen(named('law', law), changed)])
     place = arguments.path('a bag', bag)
     view = arguments.view(options)
     with bag_replay.prepared(place, changed, trust, memory, False, view) as prepared:

@@ -94,7 +94,7 @@ TITLES = {
     'calm_tracking': 'calm tracking',
 }
 
-CUSTOM_TITLES: dict[str, str] = {}  # of custom laws that this process knows, see law_titles.py
+CUSTOM_TITLES: dict[str, str] = {}  # of custom laws that this process knows, see law_loader.py
 
 
 def title(law: str) -> str:

@@ -21,8 +21,8 @@ from parallel_robot.bags.progress import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import run_log, stretches
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot_control import law_loader
 from parallel_robot_control.messages import NO_FAULT
-from parallel_robot_control.prepared_laws import law_titles
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion
@@ -95,7 +95,7 @@ def read_runs(
             bag, code, view, topics=(CROSS_COUPLING_ERROR,), motion_only=False
         )
         assert not isinstance(found, MotionAlone)
-        law_titles.learn(found.past.sources['custom_laws'])
+        law_loader.learn_titles(found.past.sources['custom_laws'])
         group = label(found.log.scenario), _robot(found.log)
         evaluated.setdefault(group, []).append((bag, found))
     scenarios = [scenario for scenario, _ in evaluated]

@@ -25,8 +25,8 @@ from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.window import add_window_arguments
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import available, resolve
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES
@@ -57,10 +57,10 @@ def execute(arguments: argparse.Namespace) -> int:
     if 'law' in yaml_file.parse_assignments(arguments.assignments):
         raise InputError('--set law: compare has all laws, or those of --laws')
     overrides = simulate.overrides(arguments)
-    overrides |= law_file.files_of(arguments.laws or (), overrides)
+    overrides |= law_loader.files_of(arguments.laws or (), overrides)
     values = resolve(arguments.scenario, overrides)
     scenario, known = str(values['scenario']), available(values['custom_laws'])
-    laws = [law_file.name_of(law) for law in arguments.laws or known]
+    laws = [law_loader.name_of(law) for law in arguments.laws or known]
     given = ' '.join(laws)
     if ',' in given:
         names = ' '.join(given.replace(',', ' ').split())

@@ -17,8 +17,8 @@ from parallel_robot.fmu.contents import (
 )
 from parallel_robot.fmu.ros2_package import ros2_package
 from parallel_robot.fmu.unit import identifier, need_compiler, unit
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.plain_data import locating, merged
@@ -65,7 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
     changed: Any = given(arguments)
     scenario = arguments.name
     if arguments.kind == 'law':
-        changed = merged([changed, law_file.chosen(arguments.name, changed)])
+        changed = merged([changed, law_loader.chosen(arguments.name, changed)])
         scenario = arguments.scenario or SCENARIO
     elif arguments.ros2_control:
         raise InputError(f'--ros2-control is for a law, not for a {arguments.kind}')

@@ -16,7 +16,7 @@ from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot_control.prepared_laws import law_file
+from parallel_robot_control import law_loader
 from parallel_robot_model.common.errors import InputError, WholeNeededError
 
 
@@ -43,7 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     changes = given(arguments)
     if arguments.law is not None:
-        of_law = law_file.chosen(arguments.law, changes)
+        of_law = law_loader.chosen(arguments.law, changes)
         if changes.get('law', of_law['law']) != of_law['law']:
             raise InputError(f'--law is {arguments.law}, but --set law={changes["law"]}')
         changes |= of_law

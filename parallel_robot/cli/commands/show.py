@@ -18,8 +18,8 @@ from parallel_robot.cli.commands.simulate import (
     add_set_argument,
     given_layers,
 )
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import load
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError, clean, printable
 from parallel_robot_model.common.tables import Table
@@ -85,7 +85,7 @@ def execute(arguments: argparse.Namespace) -> int:
     layers = given_layers(arguments)
     if arguments.law is not None:
         so_far = merged(values for _, values in layers)
-        layers.append(('--law', law_file.chosen(arguments.law, so_far)))
+        layers.append(('--law', law_loader.chosen(arguments.law, so_far)))
     changed = merged(values for _, values in layers)
     scenario = scenario_of(arguments.scenario)
     values, sources = config.resolve_with_sources(scenario, changed, load(changed))

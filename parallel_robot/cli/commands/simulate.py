@@ -18,10 +18,10 @@ from parallel_robot.bags.provenance.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import invocation
 from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import delay_text
 from parallel_robot_control.messages import limits_text
-from parallel_robot_control.prepared_laws import law_file
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
@@ -151,7 +151,7 @@ def overrides(arguments: argparse.Namespace) -> Placed:
         yaml_file.parse_assignments(arguments.assignments),
         getattr(arguments, 'law', None),
     )
-    of_law = {} if law is None else law_file.chosen(law, assigned)
+    of_law = {} if law is None else law_loader.chosen(law, assigned)
     options = {'law': of_law.get('law'), 'duration': arguments.duration}
     options = {key: value for key, value in options.items() if value is not None}
     for key, value in assigned.items():

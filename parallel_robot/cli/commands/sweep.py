@@ -11,7 +11,7 @@ from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import sweep
-from parallel_robot_control.prepared_laws import law_file
+from parallel_robot_control import law_loader
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -44,8 +44,8 @@ def execute(arguments: argparse.Namespace) -> int:
     workers = make()
     file = study.file_of(arguments.study)
     fixed = simulate.given(arguments)
-    laws = None if arguments.laws is None else [*map(law_file.name_of, arguments.laws)]
-    fixed |= law_file.files_of(arguments.laws or (), fixed)
+    laws = None if arguments.laws is None else [*map(law_loader.name_of, arguments.laws)]
+    fixed |= law_loader.files_of(arguments.laws or (), fixed)
     asked = study.parse(study.read(file), str(file), file.parent, laws)
     asked = asked.changed(arguments.runs, fixed)
     out: Path = arguments.out

@@ -10,7 +10,7 @@ from typing import Any
 
 from parallel_robot_control.configuration import available
 from parallel_robot_control.foreign.names import file_beside
-from parallel_robot_control.prepared_laws.law_loader import is_file
+from parallel_robot_control.law_loader import has_law_suffix
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 SHIPPED = 'of the suite'
@@ -52,11 +52,11 @@ def competitors(given: Sequence[str]) -> Competitors:
     Raises:
         InputError: there is no such law or file, or a law is named twice.
     """
-    files = [Path(each).resolve() for each in given if is_file(each)]
+    files = [Path(each).resolve() for each in given if has_law_suffix(each)]
     for path in files:
         if not path.is_file():
             raise InputError(f'there is no file {path}')
-    names = [Path(each).stem if is_file(each) else each for each in given]
+    names = [Path(each).stem if has_law_suffix(each) else each for each in given]
     known = available([str(path) for path in files])
     for name in names:
         if name not in known:

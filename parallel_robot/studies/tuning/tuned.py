@@ -17,7 +17,7 @@ from parallel_robot.studies.tuning.sampler import library
 from parallel_robot.studies.tuning.space import at_ends, doubts, unit_of
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
-from parallel_robot_control.prepared_laws import law_file
+from parallel_robot_control import law_loader
 from parallel_robot_model.common.errors import Frame, RunError, pandas
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.configuration.plain_data import merged
@@ -118,8 +118,8 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
             trials are kept.
     """
     library()
-    files = law_file.files_of([asked.law], fixed)
-    tuning = replace(asked, law=law_file.name_of(asked.law)).tuning(merged([fixed, files]))
+    files = law_loader.files_of([asked.law], fixed)
+    tuning = replace(asked, law=law_loader.name_of(asked.law)).tuning(merged([fixed, files]))
     rule = asked.rule(tuning)
     count, workers = asked.count(rule), Processes(asked.processes())
     fields = unit_of(tuning.law)
