@@ -11,7 +11,7 @@ from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
 from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.estimator import estimator_of
-from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw, prepare
+from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.repetition import repetition_of, rows
 from parallel_robot_control.safety import faults, lock_in_limits
 from parallel_robot_control.safety.limiting import limits_of

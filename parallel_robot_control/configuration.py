@@ -14,7 +14,7 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.estimation.lock_in import LockInParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_laws.prepared_law import judge
+from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.repetition import RepetitionParameters, turn_of
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError

@@ -34,7 +34,7 @@ from parallel_robot_control.controller_state import ControllerState
 from parallel_robot_control.estimation.estimator import delay_text
 from parallel_robot_control.law_core import STATE_FIELDS, Answer, Change, JointSample, LawCores
 from parallel_robot_control.messages import LOST, Status, wire_of
-from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import BACK, CONTRADICTS, LATE, RESTART
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import Limits

@@ -26,7 +26,7 @@ from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked
 from parallel_robot_control.cycle import CycleState, initial_state
 from parallel_robot_control.messages import Telemetry
-from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import ReferenceBuffer
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError

@@ -19,7 +19,7 @@ from parallel_robot_control.estimation.estimator import (
     Estimated,
     estimated,
 )
-from parallel_robot_control.prepared_laws.law_step import Asked
+from parallel_robot_control.prepared_law import Asked
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, Last

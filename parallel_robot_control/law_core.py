@@ -18,7 +18,7 @@ from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
 from parallel_robot_control.estimation.estimator import Estimator
 from parallel_robot_control.messages import Status, Telemetry
-from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw, renewed
+from parallel_robot_control.prepared_law import PreparedLaw, renewed
 from parallel_robot_control.safety.limiting import Limits
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import entry_point, kernel

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.prepared_laws.law_step import Asked
+from parallel_robot_control.prepared_law import Asked
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.braking import SHORT, too_fast, way_to_rest
 from parallel_robot_control.safety.limiting import (

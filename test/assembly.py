@@ -10,7 +10,7 @@ from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.cycle import initial_state
-from parallel_robot_control.prepared_laws.prepared_law import PreparedLaw
+from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import faults
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim import simulation

@@ -11,7 +11,7 @@ from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.law_core import JointSample
-from parallel_robot_control.prepared_laws.prepared_law import renewed
+from parallel_robot_control.prepared_law import renewed
 from parallel_robot_model.compiler import vectors
 from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of

@@ -12,7 +12,7 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.foreign.update import Gains
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.prepared_laws.prepared_law import judge
+from parallel_robot_control.prepared_law import judge
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import (
