@@ -72,7 +72,6 @@ setup(
         'parallel_robot_control.estimation',
         'parallel_robot_control.foreign',
         'parallel_robot_control.laws',
-        'parallel_robot_control.prepared_laws',
         'parallel_robot_control.safety',
         'parallel_robot_control.terms',
         'parallel_robot_model',

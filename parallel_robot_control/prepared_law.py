@@ -9,9 +9,9 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numba import typeof
 
+from parallel_robot_control import law_trial
 from parallel_robot_control.contract import ControlOutput, Feedback, Foreign, JointReference, Law
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_laws import law_output, law_trial
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.common.units import Array
@@ -188,7 +188,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     except RAISED as error:
         raise InputError(f'{name}: initial_memory: {first_line(error)}') from error
     memory = as_vectors(memory)
-    if wrong := law_output.wrong_memory(memory):
+    if wrong := law_trial.wrong_memory(memory):
         raise InputError(f'{name}: initial_memory: {wrong}')
     kept = KeptValue(memory)
     row, matrix = vector(np.zeros(joints)), vector(np.eye(joints))
@@ -242,7 +242,7 @@ def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
     right = typeof(ControlOutput(row, row, row, memory))
     try:
         update = _compiled(law.update, parts.gains, *_motion(row, matrix), memory, 1e-3)
-        wrong = law_output.wrong_types(update.signature().return_type, right)
+        wrong = law_trial.wrong_types(update.signature().return_type, right)
         if not wrong:
             motion = _motion(vector(row), vector(matrix))
             return _compiled(stepping(law.update, True), parts, *motion, 1e-3)

@@ -12,10 +12,9 @@ from rig import Rig
 import parallel_robot as pr
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import law_loader
+from parallel_robot_control import law_loader, law_trial
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_laws import law_trial
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Vector
 from parallel_robot_model.messages import topics

@@ -26,7 +26,7 @@ ROOT = Path(__file__).parents[1]
 SETTINGS = ('NUMBA_BOUNDSCHECK', 'NUMBA_CACHE_DIR')  # of a parent, which Numba reads once
 MODULES = (
     'parallel_robot_model.processes.custom_module',
-    'parallel_robot_control.prepared_laws.law_trial',
+    'parallel_robot_control.law_trial',
     'parallel_robot_model.robots.registry',
     'trajectory_gen.shape_trial',
 )
@@ -148,7 +148,7 @@ def _warm():
         file.write_text(LAW)
         child_process._channels.append(silence.fileno())
         task = {'file': str(file), 'gains': [1.0, 1.0, 1.0], 'joints': 3}
-        importlib.import_module('parallel_robot_control.prepared_laws.law_trial')._trial(task)
+        importlib.import_module('parallel_robot_control.law_trial')._trial(task)
         child_process._channels.clear()
 
 

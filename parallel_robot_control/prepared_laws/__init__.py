@@ -1,1 +1,0 @@
-"""Laws made ready: found by name or file, tried, compiled."""
