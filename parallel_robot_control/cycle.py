@@ -22,9 +22,8 @@ from parallel_robot_control.estimation.estimator import (
 from parallel_robot_control.prepared_law import Asked
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.checks import TOLD, arrival, inconsistent
 from parallel_robot_control.safety.limiting import EFFORT, Last
-from parallel_robot_control.safety.state_consistency import inconsistent
-from parallel_robot_control.safety.torque_arrival import TOLD, arrival
 from parallel_robot_control.sense_and_act import act, sense
 from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array

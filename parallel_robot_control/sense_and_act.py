@@ -9,7 +9,13 @@ import numpy as np
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.prepared_law import Asked
 from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.braking import SHORT, too_fast, way_to_rest
+from parallel_robot_control.safety.checks import (
+    LOOKED_AT,
+    SHORT,
+    is_resisted,
+    too_fast,
+    way_to_rest,
+)
 from parallel_robot_control.safety.limiting import (
     ZERO,
     Last,
@@ -18,7 +24,6 @@ from parallel_robot_control.safety.limiting import (
     limit_torque,
     safe_torque,
 )
-from parallel_robot_control.safety.torque_effect import LOOKED_AT, is_resisted
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, is_finite, multiply, select, some
 from parallel_robot_model.robots.contract import Model

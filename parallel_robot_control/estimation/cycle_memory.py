@@ -15,15 +15,15 @@ from parallel_robot_model.compiler import Space, inner, read_at, select, write_a
 
 SIZE = 128  # torques that are remembered
 # Floats in the first rows: newest sample; whether the filter ran at it; how long torque has been
-# missing [s]; whether it is, see torque_arrival.py; age of the last state [s].
+# missing [s]; whether it is, see checks.py; age of the last state [s].
 SAMPLE, RUNNING, SPELL, LOST, AGE = range(5)
 MEAN, VARIANCE, TORQUE = 5, 10, 25  # rows where those of the filter, and the torques, begin
 ACTING = TORQUE + SIZE  # row where what motors make of the torques of the law begins
 LAGGED = ACTING + SIZE  # row of that torque after the newest of them
 ADDED = LAGGED + 1  # and of what was added to the newest torque of the law, see repetition.py
-WAYS = ADDED + 1  # row where those of state_consistency.py begin
+WAYS = ADDED + 1  # row where those of checks.py begin
 OF_WAYS = 6
-MOMENTUM = WAYS + OF_WAYS  # and those of torque_effect.py
+MOMENTUM = WAYS + OF_WAYS  # and those of checks.py
 APPROACH = MOMENTUM + 5  # of approach.py
 LEVELS = APPROACH + 5  # and of kalman.py
 ROWS = LEVELS + 3

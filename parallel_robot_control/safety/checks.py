@@ -1,0 +1,343 @@
+"""What a cycle checks of states and torques, by what the robot does."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.estimation.cycle_memory import LOST, SPELL
+from parallel_robot_control.estimation.estimator import Observed, observed
+from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.limiting import ZERO, Last, Limits, safe_torque
+from parallel_robot_model.common.units import Array
+from parallel_robot_model.compiler import (
+    clip,
+    every,
+    inner,
+    kernel,
+    largest,
+    multiply,
+    read_at,
+    select,
+    solve,
+    some,
+    write_at,
+)
+from parallel_robot_model.robots.contract import FOUND, Estimate, Model
+
+# Whether the states say what the robot does: the way of each joint beside the sum of its rates.
+#
+# Over the last hundredths of a second, the way that a joint went and the integral of its rate must
+# agree. A position that does not change at all while the rate goes on, and a rate of exactly zero
+# while the position changes, are seen even sooner.
+
+WINDOW = 0.06  # s, time constant with which ways are forgotten
+ALIKE = 0.01  # of the tolerance, within which a way and a rate of one state agree
+SHARE = 0.5  # of the tolerance, that a single state adds at most: one odd state is no proof
+JUMP = 2.0  # tolerances: a single way so much longer than its rate says is a jump
+LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
+
+
+@inner
+def inconsistent(
+    memory: int,
+    tolerance: float,
+    position: Array,
+    velocity: Array,
+    before: Array,
+    comparable: bool,
+    dt: float,
+) -> int:
+    """The fault of states whose positions and rates contradict each other, else NONE.
+
+    Args:
+        memory: Address of the memory of the cycle.
+        tolerance: Difference that does not count [rad].
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        before: Angles of the state before [rad], shape (n,).
+        comparable: Whether there was a state not long before, and rates are measured.
+        dt: Time since then [s].
+    """
+    row, zero = cycle_memory.WAYS, np.zeros_like(position)
+    went, told = position - before, dt * velocity
+    in_doubt = read_at(memory, row, position)  # 0 while nothing is apart
+    if comparable and in_doubt[0] == 0.0 and every(np.abs(went - told) <= ALIKE * tolerance):
+        return faults.NONE
+    if not comparable or in_doubt[0] == 0.0:
+        for k in range(1, cycle_memory.OF_WAYS):
+            write_at(memory, row + k, zero)
+    write_at(memory, row, zero + select(comparable, 1.0, 0.0))
+    if not comparable:
+        return faults.NONE
+    jumped = np.abs(went) > JUMP * tolerance + (1.0 + LAG) * np.abs(told)
+    left, most = WINDOW / (WINDOW + dt), SHARE * tolerance
+    went, told = clip(went, -most, most), clip(told, -most, most)
+    told = select(told - told == 0.0, told, went)  # what is not finite is another fault
+    apart = left * (read_at(memory, row + 1, position) + went - told)
+    by_position = left * (read_at(memory, row + 2, position) + np.abs(went))
+    by_rate = left * (read_at(memory, row + 3, position) + np.abs(told))
+    still = select(went == 0.0, read_at(memory, row + 4, position) + told, zero)
+    unsaid = select(told == 0.0, read_at(memory, row + 5, position) + went, zero)
+    write_at(memory, row + 1, apart)
+    write_at(memory, row + 2, by_position)
+    write_at(memory, row + 3, by_rate)
+    write_at(memory, row + 4, still)
+    write_at(memory, row + 5, unsaid)
+    wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
+    wrong = wrong | (np.abs(unsaid) > tolerance)
+    fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
+    fault = select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
+    fault = select(some(jumped), faults.POSITION_JUMP, fault)
+    if every(np.abs(apart) + np.abs(still) + np.abs(unsaid) <= ALIKE * tolerance):
+        write_at(memory, row, zero)
+    return fault
+
+
+# Whether the torque that is asked for acts: the effort that a state tells, beside the commands.
+#
+# Strangers, lost commands, motors that are off, clipped or dead, and brakes have one sign in
+# common: the effort is none of the torques that were commanded lately. A command may act late, and
+# a motor may lag; then the effort still lies between the commands of the last samples.
+
+LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet
+TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
+PROOF = 2.0  # tolerances of an effort that proves, if it was commanded, that the motors obey
+OBEYED, MISSING, FORGETTING, UNPROVEN = 0.0, 1.0, 2.0, 3.0  # what the memory knows of them
+FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
+
+
+class Arrival(NamedTuple):
+    """What became of the last torque.
+
+    Attributes:
+        missing: Torque commanded less torque that acted [N m], shape (n,); zero where it acted.
+        spell: For how long torque has been missing [s]; 0 while it acts.
+        back: Whether the law begins anew: torque acts again after a spell, or has never acted.
+        waits: Whether no torque has acted since the start: drives may be enabled late.
+    """
+
+    missing: Array
+    spell: float
+    back: bool
+    waits: bool
+
+
+@inner
+def arrival(
+    memory: int,
+    period: float,
+    tolerance: Array,
+    effort: Array,
+    sample: int,
+    age: float,
+    known: bool,
+    comparable: bool,
+    dt: float,
+) -> Arrival:
+    """Compare the effort that a state tells with the commands of the last samples.
+
+    Args:
+        memory: Address of the memory of the cycle, which has the commands.
+        period: Of the samples [s].
+        tolerance: Difference that does not count [N m], shape (n,).
+        effort: Torque of the period that ended at the measurement [N m], shape (n,); NaN where it
+            is not known.
+        sample: Index of the sample from which on the next torque acts.
+        age: From the measurement to that sample [s].
+        known: Whether there was a state before.
+        comparable: Whether there was one not long before; if not, what acts is what is told.
+        dt: Time since the state before [s].
+    """
+    nothing, newest = np.zeros_like(effort), cycle_memory.newest(memory)
+    before = read_at(memory, LOST, 0.0)
+    if not comparable or sample < newest:  # nothing was commanded lately
+        cycle_memory.fill(memory, select(effort - effort == 0.0, effort, nothing))
+        write_at(memory, SPELL, 0.0)
+        write_at(memory, LOST, select(known and before != UNPROVEN, OBEYED, UNPROVEN))
+        return Arrival(nothing, 0.0, False, False)
+    # 1. The usual case: the last command acted.
+    last = sample - 1
+    if age > 0.0:
+        last -= int(age / period + 0.5)
+    last = select(last > newest, newest, last)
+    asked, spell = cycle_memory.torque_at(memory, last, effort), read_at(memory, SPELL, 0.0)
+    apart = some(np.abs(asked - effort) > tolerance)
+    if not apart and before == OBEYED:
+        return Arrival(nothing, 0.0, False, False)
+    # 2. A late command, or one behind a lag, is none that is missing.
+    unproven, missing, lost = before == UNPROVEN, nothing, False
+    if apart:
+        low, high = asked, asked
+        for k in range(last - select(unproven and spell > 0.0, SOON, LATELY), newest + 1):
+            torque = cycle_memory.torque_at(memory, k, effort)
+            low, high = select(torque < low, torque, low), select(torque > high, torque, high)
+        outside = np.abs(clip(effort, low, high) - effort) > tolerance
+        missing = select(outside, asked - effort, nothing)
+        lost = some(outside)
+    # 3. How long torque has been missing, and whether any has ever acted.
+    step = select(dt < period * LATELY, dt, period)
+    waits = unproven and (lost or not some(np.abs(effort) > PROOF * tolerance))
+    misses = lost or (waits and spell > 0.0)
+    spell = select(misses, spell + step, spell - FORGETS * step)
+    spell = select(spell > 0.0, spell, 0.0)
+    now = select(lost, MISSING, select(spell > 0.0, FORGETTING, OBEYED))
+    write_at(memory, SPELL, spell)
+    write_at(memory, LOST, select(waits, UNPROVEN, now))
+    again = not misses and spell >= TOLD and (unproven or before == MISSING)
+    return Arrival(missing, select(misses, spell, 0.0), again or (waits and lost), waits)
+
+
+# Whether torque moves the robot as it should, by the momentum observer.
+#
+# It finds what efforts do not tell: commands that do not act where no efforts are reported, brakes
+# and obstacles, an encoder that stands still while its joint turns.
+
+BANDWIDTH = 20.0  # 1/s
+SHARE_OF_EFFECT = (
+    0.25  # of the damping of the safe action, times the speed: friction that does not count
+)
+LASTS = 0.1  # s, for which the residual must be at the limit; twice of it half as long
+RECENT_SAMPLES = 32.0  # samples after which it begins anew
+LOOKED_AT = 0.5  # of the limit: a torque from which on the residual is looked at
+
+
+@inner
+def is_resisted(
+    memory: int,
+    sample: int,
+    limit: Array,
+    damping: Array,
+    model: Model,
+    velocity: Array,
+    torque: Array,
+    comparable: bool,
+    dt: float,
+) -> bool:
+    """Whether much more than friction has acted against the torque: the more, the shorter.
+
+    Args:
+        memory: Address of the memory of the cycle.
+        sample: Index of the sample from which on the next torque acts.
+        limit: Residual that does not count [N m], shape (n,).
+        damping: Damping of the safe action [N m s/rad], shape (n,).
+        model: Nominal model at the state; none in a fault of the robot.
+        velocity: Measured rates [rad/s], shape (n,).
+        torque: Torque since the state before [N m], shape (n,).
+        comparable: Whether there was a state not long before.
+        dt: Time since then [s].
+    """
+    row = cycle_memory.MOMENTUM
+    since = sample - read_at(memory, row, velocity)[0]  # samples since it looked
+    follows = comparable and since >= 0.0 and since <= RECENT_SAMPLES
+    if not model.M[0, 0] > 0.0:
+        return False
+    before = Observed(
+        read_at(memory, row + 1, velocity),
+        read_at(memory, row + 2, velocity),
+        read_at(memory, row + 3, velocity),
+    )
+    now = observed(BANDWIDTH, before, follows, model, velocity, torque, dt)
+    write_at(memory, row + 1, now.momentum)
+    write_at(memory, row + 2, now.drift)
+    write_at(memory, row + 3, now.residual)
+    level = np.abs(now.residual) - SHARE_OF_EFFECT * damping * np.abs(velocity)
+    times = largest(select(level > 0.0, level, np.zeros_like(level)) / limit)
+    lasted = read_at(memory, row + 4, velocity)[0]
+    lasts = select(times > 1.0 and follows, lasted + times * dt, 0.0)
+    write_at(memory, row, np.zeros_like(velocity) + float(sample))
+    write_at(memory, row + 4, np.zeros_like(velocity) + lasts)
+    return lasts > LASTS
+
+
+# Whether damping still stops the robot before a fault of its own, as near a singularity.
+#
+# The way to rest is followed with the nominal robot, whose estimate says where it must not go. It
+# is the way under damping alone: the spring of a hold makes it shorter, and no torque at all stops
+# nothing.
+#
+# Source:     Gurriet, Mote, Singletary, Nilsson, Feron, Ames (2020), A Scalable Safety Critical
+# Control     Framework for Nonlinear Systems, IEEE Access 8: a state is safe from which a backup
+# controller     brings the system to rest within its limits.
+
+SHORT = 0.005  # rad, a way to rest that the margins of the robot have room for
+RESERVE = 1.25  # by which the robot may be heavier, or the motors weaker
+BRAKED = 0.5  # of the momentum in a step, at most
+TURNED = 0.1  # of it, by a change of the inertia
+STEPS = 32
+
+
+@kernel
+def damping_of(limits: Limits, velocity: Array) -> Array:
+    """Damping within the torque limit, less the reserve [N m s/rad], shape (n,)."""
+    damping, speed = limits.safe.damping, np.abs(velocity)
+    within = damping * speed <= limits.torque
+    return select(within, damping, limits.torque / speed) / RESERVE
+
+
+@kernel
+def way_to_rest(limits: Limits, momentum: Array) -> float:
+    """Longest way of a joint to rest, D^-1 M v, with M held and no torque limit [rad]."""
+    return largest(momentum / limits.safe.damping)
+
+
+@inner
+def too_fast(
+    estimate: Any,
+    robot: Any,
+    limits: Limits,
+    position: Array,
+    velocity: Array,
+    found: Estimate,
+    last: Last,
+    late: float,
+) -> bool:
+    """Whether the robot could not be brought to rest without a fault of its own.
+
+    M vd + Q v = -D v in steps of the midpoint rule, implicit in D; the model at the middle of one
+    begins the next. They are short where the inertia changes fast; a way with too many of them is
+    one that goes to a singularity.
+
+    Args:
+        estimate: Estimate of the robot module for states that are only judged, as FirstClass.
+        robot: Constants of the nominal robot.
+        limits: Limits, safe action and margins.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        found: The estimate there; no fault.
+        last: The cycle before.
+        late: Age of the state [s].
+    """
+    momentum = multiply(found.model.M, velocity)
+    if limits.safe.action == ZERO or not every((limits.safe.damping > 0.0) & (limits.torque > 0)):
+        return False
+    # 1. The motion goes on until the torque has turned round.
+    wanted = safe_torque(limits.safe, position, position, velocity)
+    turning = largest((wanted - last.torque) / limits.rate)
+    position = position + (late + turning) * velocity
+    # 2. The way to rest.
+    for _ in range(STEPS):
+        damping, drift = damping_of(limits, velocity), multiply(found.model.Q, velocity)
+        size = largest(momentum)
+        step = min(
+            BRAKED * size / largest(damping * velocity),
+            TURNED * size / largest(drift),
+        )
+        M = found.model.M + np.diag((0.5 * step) * damping)
+        halfway = solve(M, momentum - (0.5 * step) * drift)
+        found = estimate(
+            robot, limits.margins, position + (0.5 * step) * velocity, halfway, found.pose
+        )
+        if found.fault != FOUND:
+            return True
+        damping = damping_of(limits, halfway)
+        M = found.model.M + np.diag((0.5 * step) * damping)
+        lost = multiply(found.model.Q, halfway) + damping * velocity
+        position = position + step * halfway
+        velocity = velocity - step * solve(M, lost)
+        momentum = multiply(found.model.M, velocity)
+        if not way_to_rest(limits, momentum) > SHORT:
+            return False
+    return True
