@@ -13,7 +13,7 @@ from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.repetition import repetition_of, rows
-from parallel_robot_control.safety import faults, lock_in_limits
+from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_control.terms import asked_of
 from parallel_robot_model.common.units import Array
@@ -74,7 +74,7 @@ def assemble(
         )
     )
     if estimator.lock_in.on:
-        lock_in_limits.check(
+        limiting.check_lock_in(
             estimator.lock_in, limits.value, _inertia(configuration), robot.joint_units
         )
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE

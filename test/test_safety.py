@@ -33,12 +33,7 @@ from parallel_robot_control.safety.faults import (
     STATES_STALE,
     TORQUE_NOT_FINITE,
 )
-from parallel_robot_control.safety.limiting import (
-    RAMP,
-    RATE,
-    TORQUE,
-    Last,
-)
+from parallel_robot_control.safety.limiting import RAMP, RATE, TORQUE, Last
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr.estimate import TYPE_1, TYPE_2
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import NOT_CONVERGED
