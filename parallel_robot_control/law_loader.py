@@ -10,7 +10,7 @@ from types import ModuleType
 from typing import Any, cast
 
 from parallel_robot_control.contract import Law
-from parallel_robot_control.foreign.source import is_foreign, source_of
+from parallel_robot_control.foreign.law import is_foreign, source_of
 from parallel_robot_control.laws import CUSTOM_TITLES, TITLES
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config

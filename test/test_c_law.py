@@ -21,7 +21,7 @@ from parallel_robot.bags.reading import bag_reader
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import controller_node
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.foreign import law as foreign_law
+from parallel_robot_control.foreign import law
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
@@ -83,7 +83,7 @@ def test_the_header_is_plain_c_and_cpp(tmp_path, language, standard):
     source = (DOCS / 'example_law.c').read_text()
     flags = [f'-std={standard}', '-Wall', '-Wextra', '-pedantic', '-Werror', '-fvisibility=hidden']
     file = compiled(tmp_path / 'plain.so', source, *flags, language=language)
-    taken = foreign_law.ForeignLaw(str(file), hashlib.sha256(file.read_bytes()).hexdigest())
+    taken = law.ForeignLaw(str(file), hashlib.sha256(file.read_bytes()).hexdigest())
     assert taken.initial_memory(3).number == 0
 
 
@@ -213,7 +213,7 @@ def test_a_bag_runs_it_when_its_user_says_so(recorded, tmp_path, capsys, command
 
 @pytest.mark.parametrize('command', ['replay', 'rerun'])
 def test_a_bag_runs_no_other_file_in_its_place(recorded, capsys, monkeypatch, command):
-    monkeypatch.setattr(foreign_law, '_channels', {})  # as in another process
+    monkeypatch.setattr(law, '_channels', {})  # as in another process
     bag, file = recorded
     content = file.read_bytes()
     try:

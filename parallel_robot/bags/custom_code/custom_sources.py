@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags.limits import NAME, SOURCE, SOURCES
-from parallel_robot_control.foreign import source as foreign
+from parallel_robot_control.foreign import law
 from parallel_robot_model.common.errors import InputError
 
 KINDS = {  # by the key that names the files
@@ -40,7 +40,7 @@ def named(values: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 def code(path: Path) -> bytes:
     """The source of a file of code; of a foreign law, that which stands for it."""
-    return foreign.source_of(path) if foreign.is_foreign(path) else path.read_bytes()
+    return law.source_of(path) if law.is_foreign(path) else path.read_bytes()
 
 
 def attachment(key: str, path: str) -> tuple[str, bytes]:
@@ -61,8 +61,8 @@ def attachment(key: str, path: str) -> tuple[str, bytes]:
         if not Path(path).is_absolute() or not Path(path).exists():
             raise InputError(f'{what} is not on this machine')
         file = Path(path).resolve(strict=True)  # as it is loaded: a link has no name of its own
-        if KINDS[key] == 'law' and foreign.is_foreign(file):
-            return f'{key}/{file.stem}', foreign.source_of(file)
+        if KINDS[key] == 'law' and law.is_foreign(file):
+            return f'{key}/{file.stem}', law.source_of(file)
         if file.suffix != '.py' or not file.is_file():
             raise InputError(f'{what} is no .py file{"" if str(file) == path else f" but {file}"}')
         descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
