@@ -10,10 +10,9 @@ from types import MappingProxyType
 from typing import Any
 
 from parallel_robot_control.foreign import exchange, names
-from parallel_robot_control.foreign.channel import Channel
+from parallel_robot_control.foreign.channel import Channel, Gains, Memory, update
 from parallel_robot_control.foreign.gains import class_of
 from parallel_robot_control.foreign.process import KINDS
-from parallel_robot_control.foreign.update import Gains, Memory, update
 from parallel_robot_model.common.errors import InputError
 
 PERIODS = 1e-6  # by which two periods may differ, as a share

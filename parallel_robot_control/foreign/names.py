@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_control.foreign import exchange, gains
-from parallel_robot_control.foreign.update import Gains
+from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import yaml_file
 

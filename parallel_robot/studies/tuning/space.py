@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 from parallel_robot.studies.tuning.ranges import Choice, Range, Value
 from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
-from parallel_robot_control.foreign.update import Gains
+from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_model.common.errors import InputError, UnknownNameError
