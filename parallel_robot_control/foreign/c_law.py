@@ -9,7 +9,7 @@ from ctypes import POINTER, byref, c_double, c_int32
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_control.foreign import exchange
+from parallel_robot_control.foreign import process
 from parallel_robot_model.common.errors import InputError
 
 VERSION = 1  # of the header
@@ -73,7 +73,7 @@ class CLaw:
         Args:
             file: The library.
             joints: Number of the joints, n.
-            question: What is asked, see :mod:`parallel_robot_control.foreign.exchange`.
+            question: What is asked, see :mod:`parallel_robot_control.foreign.process`.
             answer: What it answers.
 
         Raises:
@@ -97,10 +97,10 @@ class CLaw:
             raise InputError(f'{file}: {PERIOD} must be a time, not {self.period:g}')
         self._update = getattr(library, UPDATE)
         self._update.argtypes, self._update.restype = [POINTER(_Input), POINTER(_Output)], c_int32
-        places = [k * joints for k in range(exchange.ROWS)]
-        places += [(exchange.ROWS + k * joints) * joints for k in range(2)]
+        places = [k * joints for k in range(process.ROWS)]
+        places += [(process.ROWS + k * joints) * joints for k in range(2)]
         self._input = _Input(joints, 0, 0.0, *(_row(question, place) for place in places))
-        self._output = _Output(*(_row(answer, k * joints) for k in range(exchange.FAULT)))
+        self._output = _Output(*(_row(answer, k * joints) for k in range(process.FAULT)))
 
     def update(self, begins: bool, dt: float, _: float, __: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`."""

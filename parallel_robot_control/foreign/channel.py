@@ -15,16 +15,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_control.foreign import exchange
-from parallel_robot_control.foreign.exchange import (
-    DESCRIPTOR,
-    ENDED,
-    GOT,
-    HEAD,
-    LATE,
-    POLLED,
-    WORD,
-)
+from parallel_robot_control.foreign import process
+from parallel_robot_control.foreign.process import DESCRIPTOR, ENDED, GOT, HEAD, LATE, POLLED, WORD
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.compiler import (
     Space,
@@ -70,11 +62,11 @@ class Channel:
         """
         self._task = {'file': file, 'names': dict(names), 'joints': joints}
         self._folder = tempfile.TemporaryDirectory(prefix='parallel_robot_law_')
-        self._begin = exchange.question(joints) + HEAD
-        words = max(exchange.answer(joints), exchange.TEXT // exchange.WORD)
+        self._begin = process.question_length(joints) + HEAD
+        words = max(process.answer_length(joints), process.TEXT // process.WORD)
         self.space = Space(self._begin + words)
-        self._sizes = exchange.answer(joints) * exchange.WORD
-        self._fault = self._begin + exchange.FAULT * joints
+        self._sizes = process.answer_length(joints) * process.WORD
+        self._fault = self._begin + process.FAULT * joints
         self._chosen: dict[int, tuple[float, ...]] = {}
         self._owner = 0
         self._process: subprocess.Popen[bytes] | None = None
@@ -128,7 +120,7 @@ class Channel:
     def _tell(self, session: int) -> None:
         assert self._socket is not None
         with contextlib.suppress(ConnectionError):  # why it has ended is told at the next question
-            self._socket.send(exchange.told_gains(session, self._chosen[session]))
+            self._socket.send(process.told_gains(session, self._chosen[session]))
 
     def _first_words(self, ours: socket.socket) -> dict[str, Any]:
         """What the process says of the law that it has loaded.
@@ -222,7 +214,7 @@ class Memory(NamedTuple):
 
 
 distinguish(Gains, Memory)
-numbers_at, answer_words = inner(exchange.numbers_at), inner(exchange.answer)
+numbers_at, answer_words = inner(process.numbers_at), inner(process.answer_length)
 
 
 @inner
@@ -249,8 +241,8 @@ def asked(channel: int, words: int, wanted: int, limit: float) -> bool:
         got = float(LATE)
         if ready > 0:
             most = WORD * wanted
-            if most < exchange.TEXT:
-                most = exchange.TEXT
+            if most < process.TEXT:
+                most = process.TEXT
             got = max(float(ENDED), float(recv(descriptor, there + WORD * words, most, 0)))
     write_at(channel, GOT, got)
     if got != WORD * wanted:
@@ -276,31 +268,31 @@ def update(
     row = feedback.position
     n = len(row)
     rows = memory.channel + WORD * HEAD
-    write_at(rows, exchange.POSITION, feedback.position)
-    write_at(rows, exchange.VELOCITY, feedback.velocity)
-    write_at(rows, exchange.REFERENCE, reference.position)
-    write_at(rows, exchange.REFERENCE_VELOCITY, reference.velocity)
-    write_at(rows, exchange.REFERENCE_ACCELERATION, reference.acceleration)
-    write_at(rows, exchange.EXCESS, feedback.excess)
-    write_at(rows, exchange.DISTURBANCE, feedback.disturbance)
-    write_at(rows, exchange.GRAVITY, model.gravity)
-    matrices = rows + WORD * exchange.ROWS * n
-    write_at(matrices, exchange.INERTIA, model.M)
-    write_at(matrices, exchange.CORIOLIS, model.Q)
+    write_at(rows, process.POSITION, feedback.position)
+    write_at(rows, process.VELOCITY, feedback.velocity)
+    write_at(rows, process.REFERENCE, reference.position)
+    write_at(rows, process.REFERENCE_VELOCITY, reference.velocity)
+    write_at(rows, process.REFERENCE_ACCELERATION, reference.acceleration)
+    write_at(rows, process.EXCESS, feedback.excess)
+    write_at(rows, process.DISTURBANCE, feedback.disturbance)
+    write_at(rows, process.GRAVITY, model.gravity)
+    matrices = rows + WORD * process.ROWS * n
+    write_at(matrices, process.INERTIA, model.M)
+    write_at(matrices, process.CORIOLIS, model.Q)
     numbers = rows + WORD * numbers_at(n)
-    write_at(numbers, exchange.SESSION, float(memory.session))
-    write_at(numbers, exchange.COUNT, float(memory.number))
-    write_at(numbers, exchange.DT, dt)
-    write_at(numbers, exchange.AGE, feedback.age)
-    words = numbers_at(n) + exchange.NUMBERS
+    write_at(numbers, process.SESSION, float(memory.session))
+    write_at(numbers, process.COUNT, float(memory.number))
+    write_at(numbers, process.DT, dt)
+    write_at(numbers, process.AGE, feedback.age)
+    words = numbers_at(n) + process.NUMBERS
     answer = rows + WORD * words
     torque = np.zeros_like(row) + np.nan
     error = reference.position - feedback.position
     sliding_variable, coupled_error = error, error
     there = asked(memory.channel, words, answer_words(n), gains.limit)
-    if there and read_at(answer, exchange.FAULT * n, 0.0) == 0.0:
-        torque = read_at(answer, exchange.TORQUE, row)
-        sliding_variable = read_at(answer, exchange.SLIDING_VARIABLE, row)
-        coupled_error = read_at(answer, exchange.COUPLED_ERROR, row)
+    if there and read_at(answer, process.FAULT * n, 0.0) == 0.0:
+        torque = read_at(answer, process.TORQUE, row)
+        sliding_variable = read_at(answer, process.SLIDING_VARIABLE, row)
+        coupled_error = read_at(answer, process.COUPLED_ERROR, row)
     known = Memory(memory.channel, memory.session, memory.number + 1)
     return ControlOutput(torque, sliding_variable, coupled_error, known)

@@ -33,7 +33,7 @@ class FmuLaw:
 
         Args:
             task: Its file, names, folder for what it unpacks to, number of joints.
-            question: What is asked, see :mod:`parallel_robot_control.foreign.exchange`.
+            question: What is asked, see :mod:`parallel_robot_control.foreign.process`.
             answer: What it answers.
 
         Raises:

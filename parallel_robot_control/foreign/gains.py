@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple, get_type_hints
 
 from parallel_robot_control.foreign.channel import Gains
-from parallel_robot_control.foreign.exchange import MOST_GAINS
+from parallel_robot_control.foreign.process import MOST_GAINS
 from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line
 from parallel_robot_model.configuration.fields import Field, check
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from parallel_robot_control.foreign import exchange, names
+from parallel_robot_control.foreign import names, process
 from parallel_robot_control.foreign.channel import Channel, Gains, Memory, update
 from parallel_robot_control.foreign.gains import class_of
 from parallel_robot_control.foreign.process import KINDS
@@ -52,8 +52,8 @@ class ForeignLaw:
         """
         key = (self.path, self.sha256, repr(self.names), joints)
         if key not in _channels:
-            if joints > exchange.MOST:
-                raise InputError(f'{self.path}: at most {exchange.MOST} joints, not {joints}')
+            if joints > process.MOST:
+                raise InputError(f'{self.path}: at most {process.MOST} joints, not {joints}')
             self._check()
             _channels[key] = Channel(self.path, self.names, joints)
         self._channel = _channels[key]

@@ -7,29 +7,29 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import Any
 
-from parallel_robot_control.foreign import exchange, gains
+from parallel_robot_control.foreign import gains, process
 from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import yaml_file
 
 ROWS = {  # of the question
-    'position': exchange.POSITION,
-    'velocity': exchange.VELOCITY,
-    'reference.position': exchange.REFERENCE,
-    'reference.velocity': exchange.REFERENCE_VELOCITY,
-    'reference.acceleration': exchange.REFERENCE_ACCELERATION,
-    'excess': exchange.EXCESS,
-    'disturbance': exchange.DISTURBANCE,
-    'gravity': exchange.GRAVITY,
+    'position': process.POSITION,
+    'velocity': process.VELOCITY,
+    'reference.position': process.REFERENCE,
+    'reference.velocity': process.REFERENCE_VELOCITY,
+    'reference.acceleration': process.REFERENCE_ACCELERATION,
+    'excess': process.EXCESS,
+    'disturbance': process.DISTURBANCE,
+    'gravity': process.GRAVITY,
 }
 DIFFERENCES = {  # of two rows
-    'error': (exchange.REFERENCE, exchange.POSITION),
-    'error_rate': (exchange.REFERENCE_VELOCITY, exchange.VELOCITY),
+    'error': (process.REFERENCE, process.POSITION),
+    'error_rate': (process.REFERENCE_VELOCITY, process.VELOCITY),
 }
 RESULTS = {  # of the answer
-    'torque': exchange.TORQUE,
-    'sliding_variable': exchange.SLIDING_VARIABLE,
-    'coupled_error': exchange.COUPLED_ERROR,
+    'torque': process.TORQUE,
+    'sliding_variable': process.SLIDING_VARIABLE,
+    'coupled_error': process.COUPLED_ERROR,
 }
 INPUTS = (*ROWS, *DIFFERENCES)
 AGE, FAULT = 'age', 'fault'  # one number each

@@ -12,6 +12,7 @@ import select
 import shutil
 import signal
 import socket
+import struct
 import sys
 import threading
 from collections.abc import Sequence
@@ -19,9 +20,59 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol
 
-from parallel_robot_control.foreign import exchange
-from parallel_robot_control.foreign.exchange import AGE, COUNT, DT, SESSION, WORD
 from parallel_robot_model.common.errors import ParallelRobotError, first_line
+
+# What the suite and the process of a foreign law say to each other: a message of floats each way.
+#
+# A question has rows of n numbers, two matrices, then numbers; an answer has rows, then a number.
+# Gains of the law itself go before the questions of a session, in a message with a byte beside its
+# words.
+
+WORD = 8  # bytes
+(
+    POSITION,
+    VELOCITY,
+    REFERENCE,
+    REFERENCE_VELOCITY,
+    REFERENCE_ACCELERATION,
+    EXCESS,
+    DISTURBANCE,
+    GRAVITY,
+) = range(8)
+ROWS = 8
+INERTIA, CORIOLIS = range(2)  # M and Q, after the rows
+SESSION, COUNT, DT, AGE = range(4)  # after the matrices
+NUMBERS = 4
+TORQUE, SLIDING_VARIABLE, COUPLED_ERROR, FAULT = range(4)  # of the answer; the fault is a number
+
+# Words of a channel before the messages: descriptor, what poll takes, length of the last answer.
+DESCRIPTOR, POLLED, GOT, HEAD = range(4)
+ENDED, LATE = 0, -1  # as a length: there is none
+
+MOST = 64  # joints, of a foreign law
+MOST_GAINS = 10  # of its own: with their session they are shorter than a question of one joint
+TEXT = 512  # bytes, of why a process gives no answer, which it sends in its place
+
+
+def told_gains(session: int, gains: Sequence[float]) -> bytes:
+    """The message that tells the gains of a session."""
+    return struct.pack(f'={1 + len(gains)}dx', session, *gains)
+
+
+def numbers_at(joints: int) -> int:
+    """Where the numbers of a question begin [words]."""
+    return (ROWS + 2 * joints) * joints
+
+
+def question_length(joints: int) -> int:
+    """Length of a question [words]."""
+    return numbers_at(joints) + NUMBERS
+
+
+def answer_length(joints: int) -> int:
+    """Length of an answer [words]."""
+    return FAULT * joints + 1
+
 
 KINDS = {'.so': 'c_law', '.fmu': 'fmu_law'}  # modules, each with a Loaded, by suffix of the file
 
@@ -73,8 +124,8 @@ def main() -> None:
     task: dict[str, Any] = json.loads(sys.argv[2])
     threading.Thread(target=_watch, args=(channel, task['folder']), daemon=True).start()
     joints, file = task['joints'], Path(task['file'])
-    question = (ctypes.c_double * exchange.question(joints))()
-    answer = (ctypes.c_double * exchange.answer(joints))()
+    question = (ctypes.c_double * question_length(joints))()
+    answer = (ctypes.c_double * answer_length(joints))()
     try:
         kind = import_module(f'parallel_robot_control.foreign.{KINDS[file.suffix]}')
         law: Loaded = kind.load(task, question, answer)
@@ -91,7 +142,7 @@ def main() -> None:
 
 def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answer: Any) -> None:
     """Answer until nobody asks."""
-    numbers = exchange.numbers_at(joints)
+    numbers = numbers_at(joints)
     expected = (0.0, 0.0)
     chosen: dict[float, list[float]] = {}  # gains by session
     while got := channel.recv_into(question):
@@ -108,9 +159,9 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
             _preset(joints, question, answer)
             dt, age = question[numbers + DT], question[numbers + AGE]
             fault = law.update(begins, dt, age, chosen.get(asked[0], ()))
-            answer[exchange.FAULT * joints] = fault
+            answer[FAULT * joints] = fault
         except BaseException as error:
-            text = _told(error).encode()[: exchange.TEXT]
+            text = _told(error).encode()[:TEXT]
             channel.send(text + b' ' * (len(text) in (0, WORD * len(answer))))
             return
         expected = asked[0], asked[1] + 1.0
@@ -120,9 +171,9 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
 def _preset(n: int, question: Any, answer: Any) -> None:
     """Write what stands where a law of n joints says nothing: no torque, and the error."""
     for k in range(n):
-        error = question[exchange.REFERENCE * n + k] - question[exchange.POSITION * n + k]
-        answer[exchange.TORQUE * n + k] = math.nan
-        answer[exchange.SLIDING_VARIABLE * n + k] = answer[exchange.COUPLED_ERROR * n + k] = error
+        error = question[REFERENCE * n + k] - question[POSITION * n + k]
+        answer[TORQUE * n + k] = math.nan
+        answer[SLIDING_VARIABLE * n + k] = answer[COUPLED_ERROR * n + k] = error
 
 
 if __name__ == '__main__':
