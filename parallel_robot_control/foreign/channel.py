@@ -54,7 +54,7 @@ class Channel:
 
         Args:
             file: The file of the law.
-            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.names`.
+            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.fmu_law`.
             joints: Number of the joints, n.
 
         Raises:

@@ -5,14 +5,203 @@ from __future__ import annotations
 import math
 import os
 import zipfile
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from keyword import iskeyword
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, get_type_hints
 
-from parallel_robot_control.foreign import names
+from parallel_robot_control.foreign import process
+from parallel_robot_control.foreign.channel import Gains
+from parallel_robot_control.foreign.process import MOST_GAINS
 from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line
+from parallel_robot_model.configuration import yaml_file
+from parallel_robot_model.configuration.fields import Field, check
+
+# Parameters of an FMU as gains of its law: what it says of them, and the class of gains.
+
+FLOATS = ('Real', 'Float64', 'Float32')
+
+
+def described_gains(file: Path, called: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """What an FMU says of the parameters that are gains; nothing of it is run.
+
+    Args:
+        file: The FMU.
+        called: Gain to the name of its parameter.
+
+    Returns:
+        Gain to its ``variable``, ``start``, ``unit``, ``text``, ``low`` and ``high``, None where
+        there is no limit.
+
+    Raises:
+        InputError: it cannot be read, has no such parameter, or says of it what is no number.
+    """
+    if len(called) > MOST_GAINS:
+        raise InputError(f'{file}: at most {MOST_GAINS} parameters are gains, not {len(called)}')
+    try:
+        from fmpy import read_model_description
+    except ImportError:
+        raise InputError('gains of an FMU need fmpy: pip install fmpy') from None
+    try:
+        variables = read_model_description(str(file), validate=False).modelVariables
+    except Exception as error:  # whatever is in the file
+        raise InputError(f'{file} is no FMU: {first_line(error)}') from None
+    known = {each.name: each for each in variables if each.causality == 'parameter'}
+    return {gain: _described(file, gain, name, known) for gain, name in called.items()}
+
+
+def _described(file: Path, gain: str, name: str, known: Mapping[str, Any]) -> dict[str, Any]:
+    variable = known.get(name)
+    if variable is None:
+        raise UnknownNameError(f'parameter of {file}', name, known)
+    if variable.type not in FLOATS or variable.shape:
+        raise InputError(
+            f'{file}: {name} is no gain: it is not one number of type Real or Float64'
+        )
+    declared = variable.declaredType
+    said: dict[str, Any] = {
+        key: getattr(variable, of) or getattr(declared, of, None)
+        for key, of in (('unit', 'unit'), ('low', 'min'), ('high', 'max'))
+    }
+    try:
+        start = float(variable.start)
+        low, high = (None if said[key] is None else float(said[key]) for key in ('low', 'high'))
+    except (TypeError, ValueError):
+        raise InputError(f'{file}: {name} needs a start value that is a number') from None
+    field = Field(said['unit'] or '', '', *_limits(low, high))
+    check(f'{file}: start of {name}', float, field, start)
+    return {
+        'variable': name,
+        'start': start,
+        'unit': said['unit'] or '',
+        'text': variable.description or name,
+        'low': low,
+        'high': high,
+    }
+
+
+def gains_class(described: Mapping[str, Mapping[str, Any]], module: str) -> type:
+    """The class of the gains of a foreign law: those of any, then its own.
+
+    Args:
+        described: See :func:`described`.
+        module: What it is called by the compiler, which must differ from all others.
+    """
+    if not described:
+        return Gains
+    fields: list[tuple[str, Any]] = [*get_type_hints(Gains, include_extras=True).items()]
+    for gain, one in described.items():
+        limits = _limits(one['low'], one['high'])
+        fields.append((gain, Annotated[float, Field(one['unit'], one['text'], *limits)]))
+    made: Any = NamedTuple('Gains', fields)  # type: ignore[misc]
+    defaults = Gains._field_defaults | {gain: one['start'] for gain, one in described.items()}
+    made._field_defaults, made.__new__.__defaults__ = defaults, tuple(defaults.values())
+    made.__module__ = module
+    kind: type = made
+    return kind
+
+
+def _limits(low: float | None, high: float | None) -> tuple[float, float]:
+    return -math.inf if low is None else low, math.inf if high is None else high
+
+
+# What an FMU calls what a law gets and gives: a YAML file beside it.
+
+INPUT_ROWS = {  # of the question
+    'position': process.POSITION,
+    'velocity': process.VELOCITY,
+    'reference.position': process.REFERENCE,
+    'reference.velocity': process.REFERENCE_VELOCITY,
+    'reference.acceleration': process.REFERENCE_ACCELERATION,
+    'excess': process.EXCESS,
+    'disturbance': process.DISTURBANCE,
+    'gravity': process.GRAVITY,
+}
+DIFFERENCES = {  # of two rows
+    'error': (process.REFERENCE, process.POSITION),
+    'error_rate': (process.REFERENCE_VELOCITY, process.VELOCITY),
+}
+RESULTS = {  # of the answer
+    'torque': process.TORQUE,
+    'sliding_variable': process.SLIDING_VARIABLE,
+    'coupled_error': process.COUPLED_ERROR,
+}
+INPUTS = (*INPUT_ROWS, *DIFFERENCES)
+AGE_NAME, FAULT_NAME = 'age', 'fault'  # one number each
+KNOWN = {'inputs': (*INPUTS, AGE_NAME), 'outputs': (*RESULTS, FAULT_NAME)}
+NAME_GROUPS = ('inputs', 'outputs', 'parameters', 'gains')
+STEP = 'step'  # s, where the one that the FMU names is not meant
+
+
+def file_beside(path: Path) -> Path | None:
+    """The file beside an FMU, ``controller.yaml`` beside ``controller.fmu``; None without one."""
+    file = path.with_suffix('.yaml')
+    return file if path.suffix == '.fmu' and file.exists() else None
+
+
+def names_beside(path: Path) -> dict[str, Any]:
+    """What the file beside an FMU says; nothing without one.
+
+    Args:
+        path: The FMU.
+
+    Returns:
+        Group to name in the suite to what the FMU calls it; of parameters, name to value; of
+        gains, see :func:`parallel_robot_control.foreign.fmu_law.described`.
+
+    Raises:
+        InputError: it cannot be read, or has what is no name.
+    """
+    file = file_beside(path)
+    if file is None:
+        return {}
+    found: dict[str, dict[str, Any]] = {}
+    step: dict[str, float] = {}
+    for key, value in yaml_file.read(file).items():
+        group, _, name = key.partition('.')
+        if key == STEP and isinstance(value, int | float) and value > 0.0:
+            step = {STEP: float(value)}
+            continue
+        try:
+            _check(group, name, value)
+        except InputError as error:
+            raise InputError(f'{file}: {error}') from None
+        found.setdefault(group, {})[name] = value
+    if 'gains' in found:
+        found['gains'] = described_gains(path, found['gains'])
+    return found | step
+
+
+def _check(group: str, name: str, value: Any) -> None:
+    if group not in NAME_GROUPS or not name:
+        raise UnknownNameError('key', group, (*NAME_GROUPS, STEP))
+    if group == 'gains':
+        if not isinstance(value, str):
+            raise InputError(f'{group}.{name} must be the name of a parameter, not {value!r}')
+        if not name.isidentifier() or name[0] == '_' or iskeyword(name) or name in Gains._fields:
+            raise InputError(f'{group}.{name}: {name} cannot be the name of a gain')
+        return
+    known = KNOWN.get(group)
+    if known is None:
+        numbers = value if isinstance(value, list) else [value]
+        if not all(isinstance(number, bool | int | float) for number in numbers):
+            raise InputError(f'{group}.{name} must be a number or a list of some, not {value!r}')
+        return
+    if name not in known:
+        raise UnknownNameError(group.removesuffix('s'), name, known)
+    texts = [value] if isinstance(value, str) else value
+    one = name in (AGE_NAME, FAULT_NAME) and not isinstance(value, str)
+    if one or not isinstance(texts, list) or not all(isinstance(text, str) for text in texts):
+        wanted = 'a name' if one else 'an array, or a list of names, one for each joint'
+        raise InputError(f'{group}.{name} must be {wanted}, not {value!r}')
+
+
+def names_given(names: Mapping[str, Any], group: str) -> dict[str, Any]:
+    """A group of what :func:`beside` says."""
+    return dict(names.get(group, {}))
+
 
 VERSIONS = ('2.0', '3.0')
-FLOATS = ('Real', 'Float64', 'Float32')
 NUMBERS = (*FLOATS, 'Boolean', 'Integer', 'Int8', 'UInt8', 'Int16', 'UInt16', 'Int32', 'UInt32')
 PLACES = ('binaries/linux64/', 'binaries/x86_64-linux/')
 MANY = 100_000  # periods between two states
@@ -67,15 +256,15 @@ class FmuLaw:
         self.period = float(task['names'].get('step', own) or 0.0)
         self.multiples = bool(any_step)
         self._variables = {variable.name: variable for variable in described.modelVariables}
-        groups = {group: names.given(task['names'], group) for group in names.GROUPS}
-        self._inputs = self._named(groups['inputs'], 'input', names.INPUTS)
+        groups = {group: names_given(task['names'], group) for group in NAME_GROUPS}
+        self._inputs = self._named(groups['inputs'], 'input', INPUTS)
         if not self._inputs:
             raise InputError(self._without('input', 'position'))
-        self._outputs = self._named(groups['outputs'], 'output', names.RESULTS)
+        self._outputs = self._named(groups['outputs'], 'output', RESULTS)
         if 'torque' not in self._outputs:
             raise InputError(self._without('output', 'torque'))
-        self._fault = self._alone(groups['outputs'], 'output', names.FAULT, NUMBERS)
-        self._age = self._alone(groups['inputs'], 'input', names.AGE, FLOATS)
+        self._fault = self._alone(groups['outputs'], 'output', FAULT_NAME, NUMBERS)
+        self._age = self._alone(groups['inputs'], 'input', AGE_NAME, FLOATS)
         self.aged = self._age is not None
         own = (self._variables.get(f'{TAKEN_OFF}[{k + 1}]') for k in range(self._joints))
         zeros = {each.name: 0.0 for each in own if each and each.causality == 'parameter'}
@@ -90,7 +279,7 @@ class FmuLaw:
                 raise InputError(
                     f'parameters.{variable.name} has {_size(variable)} numbers, not {count}'
                 )
-        gains = names.given(task['names'], 'gains')
+        gains = names_given(task['names'], 'gains')
         self._gains = [self._of(gain['variable'], 'parameter', FLOATS) for gain in gains.values()]
         self._chosen = [gain['start'] for gain in gains.values()]
         fmpy.extract(self._file, task['folder'])
@@ -124,18 +313,18 @@ class FmuLaw:
             self._step(self._period)
         n, asked = self._joints, self._question
         for name, variables in self._inputs.items():
-            if name in names.ROWS:
-                begin = n * names.ROWS[name]
+            if name in INPUT_ROWS:
+                begin = n * INPUT_ROWS[name]
                 values = asked[begin : begin + n]
             else:
-                one, other = names.DIFFERENCES[name]
+                one, other = DIFFERENCES[name]
                 values = [asked[n * one + k] - asked[n * other + k] for k in range(n)]
             self._put(variables, values)
         if self._age:
             self._put([self._age], [age])
         self._step(self._period)
         for name, variables in self._outputs.items():
-            begin = n * names.RESULTS[name]
+            begin = n * RESULTS[name]
             self._answer[begin : begin + n] = self._get(variables)
         return float(self._get([self._fault])[0]) if self._fault else 0.0
 

@@ -9,9 +9,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from parallel_robot_control.foreign import names, process
+from parallel_robot_control.foreign import fmu_law, process
 from parallel_robot_control.foreign.channel import Channel, Gains, Memory, update
-from parallel_robot_control.foreign.gains import class_of
+from parallel_robot_control.foreign.fmu_law import gains_class
 from parallel_robot_control.foreign.process import KINDS
 from parallel_robot_model.common.errors import InputError
 
@@ -37,10 +37,10 @@ class ForeignLaw:
         Args:
             path: Its file.
             sha256: What the file must be.
-            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.names`.
+            names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.fmu_law`.
         """
         self.path, self.sha256, self.names = path, sha256, names
-        self.Gains = class_of(names.get('gains', {}), f'foreign_{_digest(sha256, names)}')
+        self.Gains = gains_class(names.get('gains', {}), f'foreign_{_digest(sha256, names)}')
         self.update = update
         self._channel: Channel | None = None
 
@@ -160,6 +160,6 @@ def source_of(path: Path) -> bytes:
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f'{path} cannot be read: {error.strerror}') from None
-    known = names.beside(path)
+    known = fmu_law.names_beside(path)
     text = TEXT.format(name=ascii(path.name), path=str(path), digest=digest, names=known)
     return text.encode()

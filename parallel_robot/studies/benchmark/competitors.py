@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot_control.configuration import available
-from parallel_robot_control.foreign.names import file_beside
+from parallel_robot_control.foreign.fmu_law import file_beside
 from parallel_robot_control.law_loader import has_law_suffix
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
