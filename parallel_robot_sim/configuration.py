@@ -20,12 +20,14 @@ from parallel_robot_model.robots.joint_load import (
     JointLoad,
 )
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
-from parallel_robot_sim.drives import ComplianceParameters, StictionParameters, drive_of
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
+    ComplianceParameters,
     Imperfections,
     LoadParameters,
     SensorParameters,
+    StictionParameters,
+    drive_of,
     imperfections,
 )
 from parallel_robot_sim.plant import PlantParameters

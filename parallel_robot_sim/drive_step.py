@@ -40,7 +40,7 @@ from parallel_robot_sim.delay_line import (
     remember,
     sample_at,
 )
-from parallel_robot_sim.drives import Drive
+from parallel_robot_sim.imperfections import Drive
 
 STEP = 0.1  # rad of the fastest oscillation in an integration step: its phase is right to 1e-6
 MOST = 1000  # integration steps in a period
