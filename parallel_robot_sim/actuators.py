@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, kernel, select, some, vector
-from parallel_robot_sim.delay_line import (
+from parallel_robot_sim.noise_and_delay import (
     COMMAND,
     DISTURBANCE,
     LAGGED,
@@ -17,11 +17,11 @@ from parallel_robot_sim.delay_line import (
     OF_LOAD,
     OF_TORQUE,
     newest,
+    normals,
     recall,
     remember,
     sample_at,
 )
-from parallel_robot_sim.random_numbers import normals
 from parallel_robot_sim.sensors import rounded
 
 EARLY = 1e-6  # of a period, by which a time may be missed by rounding

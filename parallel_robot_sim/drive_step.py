@@ -32,7 +32,8 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, inner, kernel, read_row, select, vector, write_row
 from parallel_robot_model.robots.contract import Measurement
-from parallel_robot_sim.delay_line import (
+from parallel_robot_sim.imperfections import Drive
+from parallel_robot_sim.noise_and_delay import (
     BRISTLES,
     ROTOR,
     ROTOR_RATE,
@@ -40,7 +41,6 @@ from parallel_robot_sim.delay_line import (
     remember,
     sample_at,
 )
-from parallel_robot_sim.imperfections import Drive
 
 STEP = 0.1  # rad of the fastest oscillation in an integration step: its phase is right to 1e-6
 MOST = 1000  # integration steps in a period

@@ -9,7 +9,8 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, select, vector
 from parallel_robot_model.robots.contract import Measurement
-from parallel_robot_sim.delay_line import (
+from parallel_robot_sim.drive_step import rotors
+from parallel_robot_sim.noise_and_delay import (
     EFFORT,
     OF_POSITION,
     OF_STATES,
@@ -17,12 +18,11 @@ from parallel_robot_sim.delay_line import (
     POSITION,
     VELOCITY,
     newest,
+    normals,
     recall,
     remember,
     sample_at,
 )
-from parallel_robot_sim.drive_step import rotors
-from parallel_robot_sim.random_numbers import normals
 
 
 @kernel

@@ -13,10 +13,10 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.registry import resolve, robot_of
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import configure, configure_plant
-from parallel_robot_sim.delay_line import sample_at
 from parallel_robot_sim.drive_step import rotors
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.motions import untrue
+from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.plant import step
 from parallel_robot_sim.plant_again import UnderCommands
 

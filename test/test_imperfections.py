@@ -25,7 +25,7 @@ from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
-from parallel_robot_sim.random_numbers import mixed, uniform
+from parallel_robot_sim.noise_and_delay import mixed, uniform
 from parallel_robot_sim.sensors import keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
