@@ -21,7 +21,7 @@ from parallel_robot_sim.course import Course, Heard, course_of
 from parallel_robot_sim.hazards import commanded, told
 from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors import effort_at_stamp, sensed
+from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 from trajectory_gen.trajectory import Reference
 
 

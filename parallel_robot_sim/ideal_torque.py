@@ -13,11 +13,11 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
-from parallel_robot_sim.actuators import held_disturbance
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.performed_motion import performed, points_of, smooth
 from parallel_robot_sim.plant import PlantSetup
+from parallel_robot_sim.sensors_actuators import held_disturbance
 from trajectory_gen.trajectory import Trajectory
 
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share

@@ -9,12 +9,11 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import clip, kernel, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
-from parallel_robot_sim.actuators import cogging, driven, held_disturbance
 from parallel_robot_sim.drive_step import flexed, keep_braked, rotors
 from parallel_robot_sim.hazards import braked, limited
 from parallel_robot_sim.integrators import ode3, rk4
 from parallel_robot_sim.noise_and_delay import sample_at
-from parallel_robot_sim.sensors import keep_sensed
+from parallel_robot_sim.sensors_actuators import cogging, driven, held_disturbance, keep_sensed
 
 MUJOCO = 'mujoco'  # the engine that nodes alone can use
 

@@ -18,7 +18,7 @@ from parallel_robot_sim.hazards import commanded, told
 from parallel_robot_sim.imperfections import ActuatorParameters
 from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors import sensed
+from parallel_robot_sim.sensors_actuators import sensed
 from trajectory_gen.trajectory import Reference
 
 

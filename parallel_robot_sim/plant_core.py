@@ -15,7 +15,7 @@ from parallel_robot_sim.hazards import commanded, told
 from parallel_robot_sim.motor_timeout import Waiting, waited
 from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors import effort_at_stamp, sensed
+from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 
 
 @structref.register

@@ -19,14 +19,13 @@ from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_model.robots.poses import poses_of
-from parallel_robot_sim.actuators import driven, held_disturbance
 from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.noise_and_delay import mixed, uniform
-from parallel_robot_sim.sensors import keep_sensed, sensed
+from parallel_robot_sim.sensors_actuators import driven, held_disturbance, keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
 from parallel_robot_sim.simulator import Simulator
 

@@ -20,7 +20,7 @@ from parallel_robot_model.compiler import (
 )
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.plant import PlantState, step
-from parallel_robot_sim.sensors import effort_at_stamp, sensed
+from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 
 TORQUE, POSITION, VELOCITY, EFFORT, JOINTS, RATES = range(6)  # rows of numbers for each joint
 ROWS = 6
