@@ -7,7 +7,7 @@ import pytest
 from vectors import on_vectors
 
 from parallel_robot_model.compiler import kernel
-from parallel_robot_sim.integrators import ode3, rk4
+from parallel_robot_sim.plant import ode3, rk4
 
 ORDERS = pytest.mark.parametrize(('step', 'order'), [(ode3, 3), (rk4, 4)])
 
