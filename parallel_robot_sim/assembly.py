@@ -17,9 +17,8 @@ from parallel_robot_model.processes.custom_module import blaming
 from parallel_robot_model.robots.robot_checks import refuse_mistakes
 from parallel_robot_sim.configuration import Configuration, PlantConfiguration
 from parallel_robot_sim.drive_step import with_steps
-from parallel_robot_sim.hazards import table_of
+from parallel_robot_sim.hazards import Patience, table_of
 from parallel_robot_sim.imperfections import yielding
-from parallel_robot_sim.motor_timeout import Patience
 from parallel_robot_sim.plant import MUJOCO, PlantSetup, PlantState, stepping
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference, Trajectory

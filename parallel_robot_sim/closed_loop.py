@@ -18,8 +18,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_sim.assembly import Plant
 from parallel_robot_sim.course import Course, Heard, course_of
-from parallel_robot_sim.hazards import commanded, told
-from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
+from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 from trajectory_gen.trajectory import Reference

@@ -14,9 +14,8 @@ from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.course import Heard, course_of
-from parallel_robot_sim.hazards import commanded, told
+from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
 from parallel_robot_sim.imperfections import ActuatorParameters
-from parallel_robot_sim.motor_timeout import Waiting, not_waiting, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors_actuators import sensed
 from trajectory_gen.trajectory import Reference

@@ -11,8 +11,7 @@ from numba.experimental import structref
 from parallel_robot_control.messages import joint_row, lay_open
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
-from parallel_robot_sim.hazards import commanded, told
-from parallel_robot_sim.motor_timeout import Waiting, waited
+from parallel_robot_sim.hazards import Waiting, commanded, told, waited
 from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
