@@ -20,7 +20,7 @@ from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import JOINT
-from parallel_robot_sim.messages import ReportedEffort
+from parallel_robot_sim.plant_core import ReportedEffort
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.trajectory import Reference
 

@@ -13,9 +13,8 @@ from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import PlantConfiguration
-from parallel_robot_sim.messages import state_layout
 from parallel_robot_sim.plant import PlantState
-from parallel_robot_sim.plant_core import advance, plant_core, read_command, tell
+from parallel_robot_sim.plant_core import advance, plant_core, read_command, state_layout, tell
 
 
 class Simulator:

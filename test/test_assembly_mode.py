@@ -13,7 +13,7 @@ from parallel_robot_control.safety.faults import NONE
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr.estimate import TYPE_2
-from parallel_robot_sim.messages import state_layout
+from parallel_robot_sim.plant_core import state_layout
 
 PUSHES = [(-8.0, -5.0, -3.0), (-14.0, 7.0, -30.0), (22.0, 30.0, 28.0)]  # N m
 

@@ -9,7 +9,7 @@ from parallel_robot_model.configuration.loop import STEP_START, WAIT
 from parallel_robot_model.messages import cdr
 from parallel_robot_model.robots.registry import resolve
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.messages import state_layout
+from parallel_robot_sim.plant_core import state_layout
 from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun
 from parallel_robot_sim.simulator import Simulator
 

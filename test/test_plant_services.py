@@ -7,7 +7,7 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
-from parallel_robot_sim.messages import state_layout
+from parallel_robot_sim.plant_core import state_layout
 from parallel_robot_sim.plant_node import PlantNode
 
 pytest_plugins = ['ros_fixtures']

@@ -20,7 +20,7 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import cdr, layouts, topics
-from parallel_robot_sim.messages import state_layout
+from parallel_robot_sim.plant_core import state_layout
 from trajectory_gen.configuration import trajectory_of
 
 READY = 120.0  # s, for the nodes to be ready; their kernels may have to be compiled

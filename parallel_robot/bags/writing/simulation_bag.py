@@ -32,7 +32,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.course import Course
-from parallel_robot_sim.messages import ReportedEffort, state_layout, state_messages
+from parallel_robot_sim.plant_core import ReportedEffort, state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.messages import pose_messages, reference_messages
 
