@@ -15,8 +15,7 @@ from parallel_robot.studies.limit.prediction import EXACT, Noise, least, noise_o
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.performed_motion import points_of
-from parallel_robot_sim.plant_coordinates import coordinates_of
+from parallel_robot_sim.ideal_torque import coordinates_of, points_of
 
 NEGLIGIBLE = 1e-9  # m or rad: what rounding leaves of no limit at all
 WHOLE = 'as it is'

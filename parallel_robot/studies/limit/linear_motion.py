@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.performed_motion import SMALL, after, performed, smooth
+from parallel_robot_sim.ideal_torque import SMALL_STEP, after, performed, smooth
 from parallel_robot_sim.plant import PlantSetup, PlantState
 
 
@@ -84,7 +84,7 @@ def _moved(
         x = points[k].copy()
         for i in range(size):
             for side in range(2):
-                x[i] = points[k, i] + (2 * side - 1) * SMALL
+                x[i] = points[k, i] + (2 * side - 1) * SMALL_STEP
                 then = after(advance, setup, begin, x, torques[k], period)
                 write_row(end[side], 0, then.coordinates)
                 write_row(end[side], c, then.rate)
@@ -95,6 +95,6 @@ def _moved(
                 write_row(end[side], size + n, shown.velocity)
                 write_row(end[side], size + 2 * n, shown.pose)
             x[i] = points[k, i]
-            slopes[k, :, i] = (end[1] - end[0]) / (2.0 * SMALL)
+            slopes[k, :, i] = (end[1] - end[0]) / (2.0 * SMALL_STEP)
     joints = slopes[:, size : size + 2 * n].copy()
     return slopes[:, :size].copy(), joints, slopes[:, size + 2 * n :].copy()
