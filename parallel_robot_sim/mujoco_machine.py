@@ -22,7 +22,7 @@ from parallel_robot_model.mechanisms.description.tree import AXES, Tree, build
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.robots.described.robot import description_of
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.mujoco_bodies import STEP, MujocoBodies
+from parallel_robot_sim.mujoco_model import STEP, MujocoBodies
 
 HELD = 1e8  # of the inertias of the machine, the rotor of a joint that is held
 STIFF = 1e-6  # of the yielding that MuJoCo gives a constraint
