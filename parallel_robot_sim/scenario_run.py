@@ -23,8 +23,7 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_remarks
 from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
-from parallel_robot_sim.saturation import saturation
-from parallel_robot_sim.simulation import Simulation
+from parallel_robot_sim.simulation import Simulation, saturation
 from trajectory_gen.configuration import with_duration
 from trajectory_gen.preflight import motion_doubts
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
+from parallel_robot_control.estimation.estimator import MEASURED, kind_for
 from parallel_robot_control.estimation.lock_in import phases, result
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
@@ -18,13 +19,46 @@ from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError,
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Fault
+from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course, calm, course_of, undisturbed
 from parallel_robot_sim.plant import MUJOCO
-from parallel_robot_sim.saturation import saturated
 from trajectory_gen.trajectory import Reference
+
+# For how long the motors of a plant gave all they can.
+
+SATURATED = 'the motors were at their limit (plant.torque_limit, {0} {2}) in {1} % of the samples'
+
+
+def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
+    """A line that says for how long the motors of the plant gave all they can, if they did.
+
+    Args:
+        values: The resolved configuration.
+        effort: Torques of the motors [N m], shape (N, n).
+    """
+    return saturation_of(values, int(saturated(values, effort).sum()), len(effort))
+
+
+def saturated(values: Mapping[str, Any], effort: np.ndarray) -> np.ndarray:
+    """At which samples the motors gave all they can, shape (N,); see :func:`saturation`."""
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
+        return np.zeros(len(effort), bool)
+    reached: np.ndarray = (np.abs(effort) >= limit).any(axis=1)
+    return reached
+
+
+def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
+    """The line of :func:`saturation`, for so many samples of so many."""
+    if not count:
+        return []
+    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}', units_of(values).of('N m'))]
+
 
 MAX_SAMPLES = 5_000_000  # samples of a simulation that keeps all of them in memory
 LONGEST = 360_000_000  # samples of one that does not: a hundred hours at 1 kHz
@@ -329,3 +363,25 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
         if driven_out:
             break
         state, first = end(made), stop
+
+
+# Gains that do not suit the noise of the sensors, which no controller knows but a simulation.
+
+
+def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
+    """What the active law says of the noise of the velocities that it is given.
+
+    Nothing where they are estimated or differentiated: their noise is another one.
+    """
+    sensor = configuration.plant.imperfections.sensor
+    name = configuration.loop.law
+    law = configuration.control.laws[name]
+    measured = kind_for(configuration.control.estimator, law) in MEASURED
+    if not measured or sensor.differentiate:
+        return ()
+    of_law = getattr(law, 'judge_noise', None)
+    noise = float(np.max(sensor.velocity_noise))
+    if of_law is None or not noise:
+        return ()
+    doubts = of_law(configuration.control.gains[name], noise, configuration.loop.period)
+    return tuple(f'{name}: {text}' for text in doubts)

@@ -11,7 +11,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import adaptive_s_fotsmc
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.noise_doubts import noise_doubts
+from parallel_robot_sim.simulation import noise_doubts
 
 LAW = {
     'law': 'adaptive_s_fotsmc',

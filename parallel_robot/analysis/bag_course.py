@@ -29,7 +29,7 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion
-from parallel_robot_sim.saturation import saturated
+from parallel_robot_sim.simulation import saturated
 
 
 class Course:

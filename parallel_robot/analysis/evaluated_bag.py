@@ -39,7 +39,7 @@ from parallel_robot_model.common.errors import (
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, RECORDED, Topic
 from parallel_robot_sim.motions import Motion, Motions
-from parallel_robot_sim.saturation import saturation_of
+from parallel_robot_sim.simulation import saturation_of
 
 SMALL = 16_000_000  # bytes of a bag that is read as a whole without a look at its index
 LONG = 120.0  # s; a bag that is longer is read in windows

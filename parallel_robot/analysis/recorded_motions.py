@@ -34,7 +34,7 @@ from parallel_robot_sim.motions import (
     untrue,
 )
 from parallel_robot_sim.plant import MUJOCO
-from parallel_robot_sim.saturation import saturation
+from parallel_robot_sim.simulation import saturation
 from trajectory_gen.configuration import trajectory_of
 
 MOST_STEPS = 2  # samples for each state of a bag; if more, too many are missing

@@ -32,9 +32,13 @@ from parallel_robot_model.configuration.plain_data import Placed, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation
-from parallel_robot_sim.noise_doubts import noise_doubts
-from parallel_robot_sim.saturation import saturation_of
-from parallel_robot_sim.simulation import RunSummary, Simulation, parts
+from parallel_robot_sim.simulation import (
+    RunSummary,
+    Simulation,
+    noise_doubts,
+    parts,
+    saturation_of,
+)
 from trajectory_gen.configuration import with_duration
 from trajectory_gen.preflight import motion_doubts
 
