@@ -30,9 +30,8 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration.hazards import KINDS, UNTOLD, Hazard, parse
-from parallel_robot_sim.assembly import assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
-from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.configuration import Configuration, assemble_plant, configure
 from parallel_robot_sim.plant import PlantState
 from trajectory_gen.trajectory import Reference
 

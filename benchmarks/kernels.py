@@ -22,9 +22,8 @@ from rows import Row, ratios, row, show
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.compiler import kernel
-from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import Experiment, assemble, configure
 from parallel_robot_sim.mujoco_model import coordinates_of, planar_3rrr
 from parallel_robot_sim.plant import step
 from trajectory_gen.trajectory import Reference

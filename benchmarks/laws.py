@@ -26,8 +26,7 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.compiler import kernel, select, vector
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.connections import message_class, qos_of
-from parallel_robot_sim.assembly import Experiment, assemble
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import Experiment, assemble, configure
 from trajectory_gen.messages import reference_messages
 
 FILE = checkout.ROOT / 'docs' / 'example_law.py'

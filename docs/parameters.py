@@ -15,7 +15,7 @@ from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.described.parameters import MotionLimits, SafetyMargins
 from parallel_robot_model.robots.described.parameters import Parameters as Described
 from parallel_robot_model.robots.registry import resolve
-from parallel_robot_sim.parameter_groups import groups
+from parallel_robot_sim.configuration import groups
 
 HEAD = """# Parameters
 

@@ -16,7 +16,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
-from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.configuration import Plant
 from parallel_robot_sim.course import Course, Heard, course_of
 from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
 from parallel_robot_sim.plant import PlantSetup, PlantState, step

@@ -5,13 +5,27 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from parallel_robot_control import assembly as control_assembly
 from parallel_robot_control import configuration as control
+from parallel_robot_control.assembly import Control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
-from parallel_robot_control.safety.limiting import SafetyParameters
+from parallel_robot_control.contract import Law
+from parallel_robot_control.safety.limiting import SafetyParameters, safe_action
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.fields import Declared, Groups, build_groups
+from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.configuration.fields import (
+    Declared,
+    Groups,
+    Parameter,
+    build_groups,
+    parameters,
+)
+from parallel_robot_model.configuration.hazards import KEY, Hazard, parse
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.processes.custom_module import blaming
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.joint_load import (
@@ -20,6 +34,9 @@ from parallel_robot_model.robots.joint_load import (
     JointLoad,
 )
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
+from parallel_robot_model.robots.robot_checks import refuse_mistakes
+from parallel_robot_sim.drive_step import with_steps
+from parallel_robot_sim.hazards import Patience, table_of
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     ComplianceParameters,
@@ -29,11 +46,13 @@ from parallel_robot_sim.imperfections import (
     StictionParameters,
     drive_of,
     imperfections,
+    yielding,
 )
-from parallel_robot_sim.plant import PlantParameters
-from trajectory_gen import configuration
-from trajectory_gen.shapes import shapes
-from trajectory_gen.trajectory import Trajectory
+from parallel_robot_sim.plant import MUJOCO, PlantParameters, PlantSetup, PlantState, stepping
+from trajectory_gen import configuration as motion
+from trajectory_gen import preflight
+from trajectory_gen.shapes import SHAPES, Shape, shapes
+from trajectory_gen.trajectory import Reference, Trajectory
 
 
 class PlantConfiguration(NamedTuple):
@@ -106,15 +125,15 @@ def configure(values: Mapping[str, Any]) -> Configuration:
             values,
             [
                 *registry.declared_groups(robot),
-                *configuration.declared(robot, known),
+                *motion.declared(robot, known),
                 *control.declared(robot, laws),
                 *DECLARED,
             ],
         )
         nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         start = groups[PlantParameters].initial_pose
-        configuration.check_columns(values, nominal)
-        trajectory = configuration.trajectory_from(groups, nominal, known, start)
+        motion.check_columns(values, nominal)
+        trajectory = motion.trajectory_from(groups, nominal, known, start)
         guess = groups[ControllerParameters].guess or trajectory.first_pose
         controller = control.control_from(loop, groups, nominal, laws, guess, lambda: trajectory)
         return Configuration(
@@ -162,3 +181,164 @@ def _plant_from(
             true.joint_units.slides,
         ),
     )
+
+
+# The groups in which the parameters of an experiment are declared, by title.
+
+
+def groups(
+    robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
+) -> dict[str, list[tuple[str, Any]]]:
+    """Groups of all parameters but those of recorder and monitor, by prefix and type, by title.
+
+    Args:
+        robot: Module of the robot.
+        laws: The laws by name.
+        shapes: The shapes of motions by name.
+    """
+    return {
+        'The loop': [('', LoopParameters)],
+        'Robots and loads; `true_robot.*`, the simulated one, follows `robot.*`': [
+            *registry.declared_groups(robot)
+        ],
+        'Motion': [*motion.declared(robot, {})],
+        'Shapes of the motion': [*motion.of_shapes(shapes)],
+        'Controller': [*control.declared(robot, {})],
+        'Laws': [*control.of_laws(laws)],
+        'Plant, sensors and motors': [*DECLARED],
+    }
+
+
+def members(
+    robot: Robot, laws: Mapping[str, Law], shapes: Mapping[str, Shape] = SHAPES
+) -> list[tuple[str, Parameter]]:
+    """Key and description of all these parameters.
+
+    Args:
+        robot: Module of the robot.
+        laws: The laws by name.
+        shapes: The shapes of motions by name.
+    """
+    return [
+        (f'{prefix}.{parameter.key}' if prefix else parameter.key, parameter)
+        for part in groups(robot, laws, shapes).values()
+        for prefix, group in part
+        for parameter in parameters(group)
+    ]
+
+
+# An experiment put together from its configuration: desired motion, controller and plant.
+
+
+class Plant(NamedTuple):
+    """The plant at rest at its initial pose.
+
+    Attributes:
+        setup: What it is made of.
+        state: Its state.
+        hazards: What happens to it.
+        safety: Time-outs of the loop.
+    """
+
+    setup: PlantSetup
+    state: PlantState
+    hazards: tuple[Hazard, ...]
+    safety: SafetyParameters
+
+
+class Experiment(NamedTuple):
+    """A closed loop before its first sample.
+
+    Attributes:
+        loop: Period, joints, law and the like.
+        trajectory: Desired motion, which the robot can perform.
+        control: The controller.
+        plant: The plant.
+        known: The first samples of the motion, if they were wanted.
+    """
+
+    loop: LoopParameters
+    trajectory: Trajectory
+    control: Control
+    plant: Plant
+    known: Reference | None = None
+
+
+def assemble(configuration: Configuration, samples: int = 0) -> Experiment:
+    """Put an experiment together.
+
+    Args:
+        configuration: The configuration.
+        samples: Number of samples of the motion that are wanted.
+
+    Raises:
+        InputError: the robot cannot perform the motion or does not reach its initial pose, or a
+            law cannot be used.
+    """
+    controller = control_assembly.assemble(configuration.control)
+    plant = assemble_plant(configuration.plant)
+    trajectory, period = configuration.trajectory, configuration.loop.period
+    known = trajectory.sample(np.arange(samples) * period) if samples else None
+    preflight.check(trajectory, period, known)
+    return Experiment(configuration.loop, trajectory, controller, plant, known)
+
+
+def assemble_plant(configuration: PlantConfiguration) -> Plant:
+    """Put the plant together, at rest at its initial pose.
+
+    Raises:
+        InputError: the robot does not reach that pose, or a custom robot contradicts itself.
+    """
+    robot, loop = configuration.robot, configuration.loop
+    hazards = _hazards(configuration)
+    module, parameters = robot.module, robot.parameters
+    imperfections = configuration.imperfections
+    drive = imperfections.drive
+    flexible = imperfections.on and drive.on
+    if flexible and configuration.parameters.engine == MUJOCO:
+        raise InputError('compliance and stiction need plant.engine analytic', 'plant.engine')
+    loads = configuration.load
+    load = Boxed(loads._replace(friction=yielding(drive)) if flexible else loads)
+    pose = np.array(robot.pose_of('plant.initial_pose', configuration.parameters.initial_pose))
+    with blaming(robot.name):
+        start = vector(module.start(parameters, pose))
+    refuse_mistakes(robot, configuration.load, pose)
+    still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))
+    setup = PlantSetup(
+        robot.kernel('acceleration', load, start, still, torque, 0.0),
+        robot.kernel('measure', start, still),
+        stepping(configuration.parameters),
+        robot.constants,
+        load,
+        Boxed(imperfections.with_memory(torque)),
+        Boxed(
+            Patience(
+                max(1, round(configuration.parameters.command_timeout / loop.period)),
+                safe_action(configuration.parameters.timeout_action, configuration.safety),
+            )
+        ),
+        Boxed(table_of(hazards, loop.joints, loop.period)),
+    )
+    state = PlantState(start, still, torque, 0.0)
+    if flexible:
+        fine = with_steps(drive, setup, state, loop.period, setup.stepping.substeps)
+        boxed = Boxed(imperfections._replace(drive=fine).with_memory(torque))
+        setup = setup._replace(imperfections=boxed)
+    return Plant(setup, state, hazards, configuration.safety)
+
+
+def _hazards(configuration: PlantConfiguration) -> tuple[Hazard, ...]:
+    """The hazards of a loop.
+
+    Raises:
+        InputError: one cannot happen to this plant.
+    """
+    hazards, least = parse(configuration.loop.hazards), configuration.safety.state_age
+    for k, hazard in enumerate(hazards):
+        what = f'{KEY}[{k}]: {hazard.what}'
+        if hazard.what == 'states_ahead' and hazard.size <= least:
+            text = f'{what} needs a size above safety.state_age, {least:g} s, not {hazard.size:g}'
+            raise InputError(text, KEY)
+        if hazard.what == 'brakes' and configuration.parameters.engine == MUJOCO:
+            raise InputError(f'{what} needs plant.engine analytic', KEY)
+    return hazards

@@ -23,7 +23,7 @@ from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.hazards import SIGNS, HazardTimes
-from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.configuration import Plant
 from trajectory_gen.trajectory import Reference
 
 AROUND = 2  # samples without a hazard, after which none is looked back at

@@ -25,8 +25,12 @@ from parallel_robot_model.compiler import (
 from parallel_robot_model.configuration.fields import PerJoint
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.assembly import Plant, assemble_plant
-from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.configuration import (
+    Configuration,
+    Plant,
+    PlantConfiguration,
+    assemble_plant,
+)
 from parallel_robot_sim.plant import PlantSetup, PlantState, step
 from parallel_robot_sim.sensors_actuators import held_disturbance
 from trajectory_gen.trajectory import Trajectory

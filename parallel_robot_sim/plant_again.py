@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import PerJoint
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
 from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
 from parallel_robot_sim.imperfections import ActuatorParameters

@@ -20,9 +20,8 @@ from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_model.robots.registry import units_of
-from parallel_robot_sim.assembly import Experiment, assemble
 from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part
-from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.configuration import Configuration, Experiment, assemble
 from parallel_robot_sim.course import Course, calm, course_of, undisturbed
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference

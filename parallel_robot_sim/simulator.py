@@ -11,8 +11,7 @@ from parallel_robot_model.compiler import entry_point, need_compiler, vector
 from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
 from parallel_robot_sim.plant import PlantState
 from parallel_robot_sim.plant_core import advance, plant_core, read_command, state_layout, tell
 

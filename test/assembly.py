@@ -14,9 +14,8 @@ from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import faults
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_sim import simulation
-from parallel_robot_sim.assembly import Plant, assemble_plant
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
-from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.configuration import Plant, assemble_plant, configure, configure_plant
 from parallel_robot_sim.plant import PlantState, step
 from trajectory_gen.trajectory import Reference
 

@@ -11,8 +11,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, read_row, write_row
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.registry import resolve, robot_of
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.configuration import assemble_plant, configure, configure_plant
 from parallel_robot_sim.drive_step import rotors
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.motions import untrue

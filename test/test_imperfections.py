@@ -19,9 +19,8 @@ from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_model.robots.poses import poses_of
-from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble, configure
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.noise_and_delay import mixed, uniform

@@ -21,9 +21,8 @@ from parallel_robot_model.compiler import (
     vector,
 )
 from parallel_robot_model.robots.contract import Model
-from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble, configure
 
 STEPS = 20
 WORDS = 'import sys; from test_interpreted import save; save(sys.argv[1])'

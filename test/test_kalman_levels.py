@@ -5,9 +5,8 @@ import pytest
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.cycle_memory import LEVELS
-from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble, configure
 
 QUIET, LOUD = (2e-6, 2e-3, 0.15), (9e-6, 9e-3, 0.8)  # rad, rad/s and N m, rms
 

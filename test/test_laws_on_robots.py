@@ -11,9 +11,8 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.messages import layouts
-from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.configuration import assemble, configure, configure_plant
 from parallel_robot_sim.simulator import Simulator
 
 SCENARIOS = ('axes_step', 'serial_2r_circle')

@@ -15,8 +15,7 @@ from parallel_robot.studies.sweep.plan import Plan, plan
 from parallel_robot.studies.sweep.run_chunk import run_chunk
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble_plant, configure
 from parallel_robot_sim.ideal_torque import coordinates_of
 from parallel_robot_sim.simulator import Simulator
 

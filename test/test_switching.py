@@ -15,9 +15,8 @@ from parallel_robot_control.safety.limiting import RAMP
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, config_files
-from parallel_robot_sim.assembly import assemble
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble, configure
 from trajectory_gen.trajectory import Reference
 
 CONFIGURATION = configure(config.resolve('paper_circle', {'duration': 12.0}))

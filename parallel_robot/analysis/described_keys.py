@@ -10,7 +10,7 @@ from parallel_robot_control.configuration import available
 from parallel_robot_model.configuration.fields import Field, joint_field, parameters
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.robots.registry import module_of, units_of
-from parallel_robot_sim.parameter_groups import members
+from parallel_robot_sim.configuration import members
 from trajectory_gen.shapes import shapes
 
 

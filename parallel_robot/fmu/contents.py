@@ -21,8 +21,7 @@ from parallel_robot_model.compiler import Boxed, vector
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import Configuration, PlantConfiguration
+from parallel_robot_sim.configuration import Configuration, PlantConfiguration, assemble_plant
 from parallel_robot_sim.plant import MUJOCO
 from parallel_robot_sim.simulation import samples_of
 from trajectory_gen import preflight

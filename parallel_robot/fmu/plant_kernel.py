@@ -18,7 +18,7 @@ from parallel_robot_model.compiler import (
     read_at,
     write_at,
 )
-from parallel_robot_sim.assembly import Plant
+from parallel_robot_sim.configuration import Plant
 from parallel_robot_sim.plant import PlantState, step
 from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 

@@ -10,8 +10,7 @@ from parallel_robot.cli.commands import run
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.processes.node_processes import NodeProcesses, domain_lock
-from parallel_robot_sim.assembly import assemble
-from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.configuration import assemble, configure
 
 NAMES = ('trajectory', 'plant', 'controller')
 

@@ -24,7 +24,7 @@ from parallel_robot_model.configuration.fields import PerJoint, PerLink, paramet
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.registry import ROBOTS
-from parallel_robot_sim.parameter_groups import members
+from parallel_robot_sim.configuration import members
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 UNKNOWN_LAW = 'unknown'  # of a bag that does not say which law ran

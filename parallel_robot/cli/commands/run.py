@@ -39,8 +39,7 @@ from parallel_robot_model.processes import cache_directory, realtime
 from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.node_processes import MODULES, NodeProcesses, domain_lock, end
-from parallel_robot_sim.assembly import assemble
-from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.configuration import Configuration, assemble, configure
 from parallel_robot_sim.simulation import ENDLESS, noise_doubts
 from trajectory_gen.preflight import motion_doubts
 

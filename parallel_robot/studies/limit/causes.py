@@ -13,8 +13,7 @@ from parallel_robot.studies.limit.geometry import geometry_error
 from parallel_robot.studies.limit.linear_motion import linearise
 from parallel_robot.studies.limit.prediction import EXACT, Noise, least, noise_of
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_sim.assembly import assemble_plant
-from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.configuration import Configuration, assemble_plant
 from parallel_robot_sim.ideal_torque import coordinates_of, points_of
 
 NEGLIGIBLE = 1e-9  # m or rad: what rounding leaves of no limit at all

@@ -17,9 +17,8 @@ from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import DRIVEN_OUT, ParallelRobotError, RunError, first_line
-from parallel_robot_sim.assembly import Experiment, assemble_plant
 from parallel_robot_sim.closed_loop import run
-from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.configuration import Configuration, Experiment, assemble_plant
 from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen import preflight
