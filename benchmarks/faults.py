@@ -33,7 +33,7 @@ from parallel_robot_model.common.errors import ParallelRobotError, RunError
 from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.processes.node_processes import domain_lock
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 ATTEMPTS = 3  # to start a loop
 

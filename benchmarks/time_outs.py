@@ -13,7 +13,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_control.law_core import JointSample
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen.configuration import trajectory_of
 
 PERIOD = 1e-3  # s

@@ -16,7 +16,7 @@ from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, torques
 from parallel_robot_sim.plant_core import take
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 MAX_STEP = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
 

@@ -36,7 +36,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.realtime import DeadlineThread
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 SYSTEM_DEFAULT = QoSProfile(depth=10)
 ORDER = ('gripper', 2, 0, 'lamp', 1)  # names, and indices of the joints

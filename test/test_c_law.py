@@ -26,9 +26,9 @@ from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
 from parallel_robot_sim.configuration import configure, configure_plant
+from parallel_robot_sim.plant_run import Simulator
 from parallel_robot_sim.scenario_run import simulate
 from parallel_robot_sim.simulation import parts
-from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 

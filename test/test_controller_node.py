@@ -16,7 +16,7 @@ from parallel_robot_control.safety.faults import EMERGENCY_STOP, NONE, STATES_LA
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 

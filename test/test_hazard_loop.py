@@ -15,8 +15,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration.hazards import KINDS
 from parallel_robot_model.configuration.loop import STEP_START
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.plant_run import PlantRun
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import PlantRun, Simulator
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 

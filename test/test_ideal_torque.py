@@ -7,7 +7,7 @@ from parallel_robot.analysis import metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import between_points, torque_of
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 PERIOD, COUNT = 1e-3, 2000
 TIME = PERIOD * np.arange(COUNT + 1)

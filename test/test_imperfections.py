@@ -24,9 +24,9 @@ from parallel_robot_sim.configuration import assemble, configure
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.noise_and_delay import mixed, uniform
+from parallel_robot_sim.plant_run import Simulator
 from parallel_robot_sim.sensors_actuators import driven, held_disturbance, keep_sensed, sensed
 from parallel_robot_sim.simulation import simulate
-from parallel_robot_sim.simulator import Simulator
 
 H = 1e-3  # s
 N = 20_000

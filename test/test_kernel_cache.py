@@ -407,7 +407,7 @@ from parallel_robot_control.configuration import configure
 from parallel_robot_control.controller import Controller
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 values = config.resolve('paper_circle')
 trajectory_of(values).sample(0.0)
 Controller(configure(values))

@@ -13,7 +13,7 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.messages import layouts
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import assemble, configure, configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 SCENARIOS = ('axes_step', 'serial_2r_circle')
 MACHINES = (

@@ -17,7 +17,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import assemble_plant, configure
 from parallel_robot_sim.ideal_torque import coordinates_of
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 PERIOD = 1e-3  # s
 SHORT = (

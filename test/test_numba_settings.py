@@ -79,7 +79,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 whole = configure(resolve('paper_circle'))
 for kind, part in ((Controller, whole.control), (Simulator, whole.plant)):
     try:

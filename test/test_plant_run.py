@@ -10,8 +10,7 @@ from parallel_robot_model.messages import cdr
 from parallel_robot_model.robots.registry import resolve
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.plant_core import state_layout
-from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import ANNOUNCED, REPEAT, PlantRun, Simulator
 
 MS = 10**6  # ns, the period
 START = 7000 * MS  # ns

@@ -34,7 +34,7 @@ from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import STEP_START, LoopParameters
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 

@@ -17,8 +17,8 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_model.processes import cache_directory
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import torque_of
+from parallel_robot_sim.plant_run import Simulator
 from parallel_robot_sim.simulation import simulate
-from parallel_robot_sim.simulator import Simulator
 from trajectory_gen.configuration import motions_of
 
 NOTE = 'warm_for_tests'

@@ -22,7 +22,7 @@ from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes.node_processes import MODULES
 from parallel_robot_sim.configuration import configure_plant
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen import preflight
 from trajectory_gen.configuration import motions_of, trajectory_of
 

@@ -13,7 +13,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel, resolve, robot_of
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_model import MujocoRobot
-from parallel_robot_sim.simulator import Simulator
+from parallel_robot_sim.plant_run import Simulator
 
 if TYPE_CHECKING:
     from parallel_robot_sim.mujoco_machine import MujocoMachine
