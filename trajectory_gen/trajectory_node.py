@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,23 +21,79 @@ import numpy as np
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-from parallel_robot_model.common.errors import InputError, MotionError, ParallelRobotError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.errors import (
+    InputError,
+    KinematicsError,
+    MotionError,
+    ParallelRobotError,
+)
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, known
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes import parameters
+from parallel_robot_model.nodes.joint_reader import JointReader
 from parallel_robot_model.nodes.life_cycle import run_node
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
+from parallel_robot_model.robots.poses import poses_of
 from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.preflight import motion_doubts
-from trajectory_gen.ros_present_pose import PresentPose
 from trajectory_gen.trajectory import Course, Reference, Trajectory, TrajectoryParameters
+
+# The pose in which the robot is, from its joint states.
+
+
+class PresentPose:
+    """Finds the pose of a robot from a joint state.
+
+    Attributes:
+        problem: Why it is not known, for people.
+    """
+
+    def __init__(self, near: Trajectory, joints: tuple[str, ...], zero_angle: Array) -> None:
+        """Prepare to read joint states; the machine code is loaded here.
+
+        Args:
+            near: A motion that begins at a pose of the same assembly mode.
+            joints: Names of the joints, in order.
+            zero_angle: What is taken off measured positions [rad], shape (n,).
+
+        Raises:
+            InputError: the robot does not reach that pose.
+        """
+        guess = near.sample(0.0)
+        self._robot, self._guess = near.robot, guess.pose[0]
+        self._zero_angle = zero_angle
+        self._unusable: Counter[str] = Counter()
+        self._reader = JointReader(topics.JOINT_STATES, joints, ('position',), self._unusable)
+        self.problem = f'no {topics.JOINT_STATES.name} yet'
+        try:
+            poses_of(self._robot, guess.position, self._guess)
+        except KinematicsError:
+            pose = self._guess.tolist()
+            raise InputError(f'the robot does not reach {pose}, the guess of its pose') from None
+
+    def read(self, data: bytes) -> tuple[float, ...] | None:
+        """The pose at a serialised joint state, m numbers; None if it cannot be used."""
+        self._unusable.clear()
+        state = self._reader.read(data)
+        if state is None:
+            self.problem = ', '.join(self._unusable)
+            return None
+        _, (position,) = state
+        try:
+            joints = (position - self._zero_angle)[np.newaxis]
+            (pose,) = poses_of(self._robot, joints, self._guess)
+        except KinematicsError as error:
+            self.problem = str(error)
+            return None
+        return tuple(pose.tolist())
+
 
 BATCH = 200  # samples computed at once
 SOON = 0.1  # s, until a new motion begins; doubled where the computer takes longer
