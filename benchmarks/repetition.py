@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.output import tracked
 from parallel_robot.studies.sweep import plan, study
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import ParallelRobotError

@@ -5,28 +5,28 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot_model.common.errors import InputError
 
 OURS, THEIRS = b'ours', b'theirs'
 
 
 def grown(path, content):
-    with new_files.growing(path) as stream:
+    with output.growing(path) as stream:
         stream.write(content)
 
 
 def overtaken(path, content):
-    with new_files.growing(path) as stream:
+    with output.growing(path) as stream:
         stream.write(content)
         path.write_bytes(THEIRS)
 
 
 def gathered(path, content):
-    new_files.save_directory(path, {'a': content, 'sub/b': content})
+    output.save_directory(path, {'a': content, 'sub/b': content})
 
 
-WRITERS = {'save': new_files.save, 'growing': grown, 'save_directory': gathered}
+WRITERS = {'save': output.save, 'growing': grown, 'save_directory': gathered}
 THERE = {
     'a file': lambda path: path.write_bytes(THEIRS),
     'a directory': Path.mkdir,
@@ -82,7 +82,7 @@ def test_a_file_that_comes_while_another_grows_stays(tmp_path):
     assert tree(tmp_path) == {'out': THEIRS}
 
 
-@pytest.mark.parametrize('write', [new_files.growing, lambda path: new_files.written(path, OURS)])
+@pytest.mark.parametrize('write', [output.growing, lambda path: output.written(path, OURS)])
 def test_what_fails_leaves_nothing(write, tmp_path):
     with pytest.raises(KeyboardInterrupt), write(tmp_path / 'out'):
         raise KeyboardInterrupt

@@ -3,8 +3,8 @@
 import io
 import sys
 
-from parallel_robot.bags import progress
-from parallel_robot.bags.printable_output import MAX_LINE_LENGTH, printable_output
+from parallel_robot.bags import output
+from parallel_robot.bags.output import MAX_LINE_LENGTH, printable_output
 from parallel_robot.cli.command_line import main
 
 
@@ -21,10 +21,10 @@ def test_progress_still_draws_on_the_terminal(monkeypatch):
     terminal = io.StringIO()
     terminal.isatty = lambda: True
     monkeypatch.setattr(sys, 'stderr', terminal)
-    monkeypatch.setattr(progress, 'QUIET', 0.0)
+    monkeypatch.setattr(output, 'QUIET', 0.0)
     with printable_output():
-        assert list(progress.tracked('ab', 2, 'letters')) == ['a', 'b']
-    assert terminal.getvalue().startswith(progress.CLEAR)
+        assert list(output.tracked('ab', 2, 'letters')) == ['a', 'b']
+    assert terminal.getvalue().startswith(output.CLEAR)
 
 
 def test_a_terminal_that_lacks_a_letter_gets_another(monkeypatch):

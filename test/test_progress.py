@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import pytest
 
 from parallel_robot.analysis.report import runs
-from parallel_robot.bags import progress
-from parallel_robot.bags.progress import CLEAR, Progress, tracked
+from parallel_robot.bags import output
+from parallel_robot.bags.output import CLEAR, Progress, tracked
 from parallel_robot.cli.commands import run
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes import cache_directory
@@ -22,15 +22,15 @@ class Terminal(io.StringIO):
 @pytest.fixture
 def terminal(monkeypatch):
     """A terminal on which everything is drawn at once."""
-    monkeypatch.setattr(progress, 'QUIET', 0.0)
-    monkeypatch.setattr(progress, 'UPDATE_INTERVAL', 0.0)
+    monkeypatch.setattr(output, 'QUIET', 0.0)
+    monkeypatch.setattr(output, 'UPDATE_INTERVAL', 0.0)
     terminal = Terminal()
-    monkeypatch.setattr(progress, 'sys', SimpleNamespace(stderr=terminal))
+    monkeypatch.setattr(output, 'sys', SimpleNamespace(stderr=terminal))
     return terminal
 
 
 def test_a_pipe_sees_nothing(monkeypatch, capsys):
-    monkeypatch.setattr(progress, 'QUIET', 0.0)
+    monkeypatch.setattr(output, 'QUIET', 0.0)
     assert list(tracked('abc', 3, 'letters')) == ['a', 'b', 'c']
     assert capsys.readouterr() == ('', '')
 
@@ -43,7 +43,7 @@ def test_a_terminal_sees_a_bar_that_goes_away(terminal):
 
 
 def test_short_work_says_nothing(terminal, monkeypatch):
-    monkeypatch.setattr(progress, 'QUIET', 60.0)
+    monkeypatch.setattr(output, 'QUIET', 60.0)
     list(tracked('abc', 3, 'letters'))
     assert terminal.getvalue() == ''
 

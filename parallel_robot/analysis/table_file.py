@@ -11,8 +11,8 @@ from typing import IO, Any
 
 import numpy as np
 
-from parallel_robot.bags import new_files
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags import output
+from parallel_robot.bags.output import tracked
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 
 FORMULA = ('=', '+', '-', '@', '\t', '\r')
@@ -27,7 +27,7 @@ def check(path: Path) -> None:
     """
     if path.suffix not in FORMATS:
         raise UnknownNameError('table format', path.suffix, FORMATS)
-    new_files.check(path, '--out')
+    output.check_new(path, '--out')
 
 
 def write(path: Path, parts: Iterable[Columns]) -> None:
@@ -41,7 +41,7 @@ def write(path: Path, parts: Iterable[Columns]) -> None:
         InputError: it cannot be written there, or pyarrow is needed and not installed.
         RunError: the disk is full.
     """
-    with new_files.growing(path) as stream:
+    with output.growing(path) as stream:
         FORMATS[path.suffix](parts, stream)
 
 

@@ -13,7 +13,7 @@ from collections.abc import Collection, Sequence
 from importlib import import_module
 from types import ModuleType
 
-from parallel_robot.bags.printable_output import MAX_LINE_LENGTH, printable_output, spell
+from parallel_robot.bags.output import MAX_LINE_LENGTH, printable_output, spell
 from parallel_robot.cli import completion
 from parallel_robot_model.common.errors import (
     InputError,

@@ -11,7 +11,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.custom_code.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -96,7 +96,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.out is not None and (arguments.bag is not None or arguments.foxglove):
         raise InputError('--out: only the page of a graph records')
     if arguments.out is not None:
-        new_files.check_directory(arguments.out / 'recorded')
+        output.check_directory(arguments.out / 'recorded')
     if arguments.port is not None and not 0 <= arguments.port < 1 << 16:
         raise InputError(f'--port must be from 0 to 65535, not {arguments.port}')
     namespace = full(arguments.namespace) if arguments.namespace is not None else None

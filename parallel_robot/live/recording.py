@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.live.source import RefusedError
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.configuration import config
@@ -73,7 +73,7 @@ class Recording:
         if self._process is not None:
             raise RefusedError(f'{self._bag} is being written')
         bag = self._folder / time.strftime('live_%Y%m%d_%H%M%S')
-        new_files.check_directory(bag)
+        output.check_directory(bag)
         parameters = dict(self._given) if self._given else _told(controller)
         for key in OF_GRAPH:
             parameters.pop(key, None)

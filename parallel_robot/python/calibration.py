@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration, modes
@@ -109,7 +109,7 @@ def calibrate(
     }
     mode, file = modes.mode(options), arguments.optional('out', out)
     if file is not None:
-        new_files.check(file, 'out')
+        output.check_new(file, 'out')
     picture = arguments.optional('figure', figure)
     if picture is not None:
         check_new(picture)

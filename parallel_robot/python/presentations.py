@@ -12,7 +12,7 @@ from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
 from parallel_robot.analysis.video import video_file
 from parallel_robot.analysis.video.video_file import RATE, Video
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
@@ -142,7 +142,7 @@ def export(
     if file is not None:
         table_file.check(file)
     if copy is not None:
-        new_files.check_directory(copy)
+        output.check_directory(copy)
     code = recorded_robot.chosen(trust, custom_robots)
     view, only = arguments.view(options), copy is None
     recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)

@@ -11,7 +11,7 @@ from parallel_robot.analysis.replay import bag_replay, bag_rerun
 from parallel_robot.analysis.replay.bag_replay import BagReplay
 from parallel_robot.analysis.replay.bag_rerun import Rerun
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
@@ -116,7 +116,7 @@ def rerun(
     with bag_rerun.prepared(place, duration, trust, memory, told=False) as experiment:
         if not experiment.simulated:
             raise InputError(f'{bag} is of nodes, which `parallel_robot rerun` starts again')
-        new_files.check_directory(path)
+        output.check_directory(path)
         values = resolve(experiment.scenario, experiment.changes | {'time_mode': 'lockstep'})
         summary = RunSummary()
         simulation_bag.save(path, values, summary.taken(parts(configure(values))))

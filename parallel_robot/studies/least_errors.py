@@ -13,7 +13,7 @@ import numpy as np
 
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.output import tracked
 from parallel_robot.studies.limit.calm import REST
 from parallel_robot.studies.limit.causes import CAUSES, NEGLIGIBLE, LeastError, least_error
 from parallel_robot.studies.limit.picture import draw

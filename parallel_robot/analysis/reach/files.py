@@ -12,7 +12,7 @@ from parallel_robot.analysis.reach.plane import Plane
 from parallel_robot.analysis.reach.region import Region, region_of
 from parallel_robot.analysis.reach.scenery import Scenery, plane_and_scenery
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.common.units import Array
 from parallel_robot_sim.configuration import Configuration
@@ -30,7 +30,7 @@ def check(path: Path) -> None:
     suffixes = (*figures.FORMATS, NUMBERS)
     if path.suffix not in suffixes:
         raise UnknownNameError('format of --workspace', path.suffix, suffixes)
-    new_files.check(path, '--workspace')
+    output.check_new(path, '--workspace')
 
 
 def write(configuration: Configuration, plane: str, path: Path) -> str:
@@ -50,7 +50,7 @@ def write(configuration: Configuration, plane: str, path: Path) -> str:
     chosen, scenery = plane_and_scenery(configuration, plane)
     if path.suffix == NUMBERS:
         region = region_of(scenery.robot, chosen, STEPS)
-        new_files.write(path, json.dumps(plain(region, scenery)).encode())
+        output.write_new(path, json.dumps(plain(region, scenery)).encode())
     else:
         from parallel_robot.analysis.reach.picture import figure_of  # it takes long to load
 

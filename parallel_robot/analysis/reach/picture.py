@@ -10,7 +10,7 @@ import numpy as np
 from parallel_robot.analysis.reach.plane import Axis, Plane
 from parallel_robot.analysis.reach.region import Region
 from parallel_robot.analysis.reach.scenery import Scenery
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import Coordinate, Margin
 

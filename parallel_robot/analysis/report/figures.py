@@ -14,8 +14,8 @@ from parallel_robot.analysis.report.labels import joint_label, label, law_label
 from parallel_robot.analysis.report.palette import RUNS, slots
 from parallel_robot.analysis.report.scale import AUTO, logarithmic
 from parallel_robot.analysis.report.space_views import add_lines, add_path, posture, views
-from parallel_robot.bags import new_files
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags import output
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import UnknownNameError
@@ -402,7 +402,7 @@ def save(figure: Any, path: str | Path) -> None:
     check_format(path)
     content = io.BytesIO()
     figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
-    new_files.write(Path(path), content.getbuffer())
+    output.write_new(Path(path), content.getbuffer())
 
 
 def check_new(path: Path) -> None:
@@ -412,7 +412,7 @@ def check_new(path: Path) -> None:
         InputError: with the reason.
     """
     check_format(path)
-    new_files.check(path, '--figure')
+    output.check_new(path, '--figure')
 
 
 def check_format(path: str | Path) -> None:

@@ -14,7 +14,7 @@ from parallel_robot.analysis.decimation import envelope
 from parallel_robot.analysis.report.charts import Chart, Panel
 from parallel_robot.analysis.report.palette import STYLES, Style
 from parallel_robot.analysis.report.scale import AUTO
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,8 +12,8 @@ from parallel_robot.analysis.report import page, paper_figures
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.report.scale import AUTO
-from parallel_robot.bags import new_files
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags import output
+from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
@@ -54,7 +54,7 @@ def make(
     Raises:
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
-    new_files.check_directory(directory)
+    output.check_directory(directory)
     groups = read_runs(bags, code, view)
     try:
         figures = write(groups, directory, scale)

@@ -17,7 +17,7 @@ from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import run_log, stretches
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode

@@ -14,7 +14,7 @@ from parallel_robot.analysis.report.labels import label
 from parallel_robot.analysis.report.palette import STYLES
 from parallel_robot.analysis.report.paper_figures import RC
 from parallel_robot.analysis.video.scene import Scene, enlarged
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.common.units import all_of
 
 DOTS = 100  # per inch

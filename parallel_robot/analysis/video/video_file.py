@@ -12,8 +12,8 @@ from typing import Any, NamedTuple
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.video import files, film
 from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
-from parallel_robot.bags import new_files
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags import output
+from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
@@ -63,7 +63,7 @@ def make(
         RunError: the disk is full.
     """
     files.check_format(out.suffix)
-    new_files.check(out, '--out')
+    output.check_new(out, '--out')
     _check('--rate', rate, *RATES, 'Hz')
     _check('--speed', speed, *SPEEDS)
     if magnify is not None:
@@ -76,7 +76,7 @@ def make(
     scenes = [scene(run, times, magnified) for run in runs]
     frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
     last = film.frames(scenes, times[-1:], magnified)
-    with new_files.growing(out) as stream:
+    with output.growing(out) as stream:
         files.encode(frames, out.suffix, rate, last, stream)
     return Video(out, len(times), magnified)
 

@@ -21,7 +21,7 @@ from parallel_robot.bags.files.mcap_block import Block
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.files.sqlite_records import JOURNAL, SqliteFile
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
-from parallel_robot.bags.printable_output import MAX_LINE_LENGTH
+from parallel_robot.bags.output import MAX_LINE_LENGTH
 from parallel_robot.bags.reading.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.configuration import plain_data

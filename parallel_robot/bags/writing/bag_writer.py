@@ -16,7 +16,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.files.certificate import Certificate
 from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.files.record_names import MESSAGES, METADATA, ROSBAG2
@@ -61,7 +61,7 @@ class BagWriter:
         self._metadata = dict(metadata)
         self._first: int | None = None
         self._last = 0
-        self._path = new_files.create_directory(directory) / f'{self.directory.name}_0.mcap'
+        self._path = output.create_directory(directory) / f'{self.directory.name}_0.mcap'
         self._file = RecordFile(self._path)
         self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
         vars(self._writer)['_Writer__chunk_indices'] = _PackedIndices()

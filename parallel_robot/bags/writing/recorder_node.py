@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.subscription import Subscription
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot.bags.writing.ros_parameters import ParameterWatch
 from parallel_robot.bags.writing.ros_topics import (
@@ -43,7 +43,7 @@ class RecorderNode(SuiteNode):
         self.declare_groups(('recorder', RecorderParameters))
         wanted = group(self.values, RecorderParameters, 'recorder')
         directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
-        new_files.check_directory(directory)
+        output.check_directory(directory)
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
         placed = robot_of(self.values).place > 0
         suite = () if choosing else topics.recorded(placed)

@@ -19,8 +19,7 @@ from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.files.record_names import MESSAGES, METADATA, ROSBAG2
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages.channels import Channel
-from parallel_robot.bags.new_files import check_directory
-from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.output import Progress, check_directory
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording

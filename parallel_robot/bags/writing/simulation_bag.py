@@ -12,7 +12,7 @@ import numpy as np
 from parallel_robot.bags.custom_code import custom_sources
 from parallel_robot.bags.files.certificate import Certificate
 from parallel_robot.bags.messages.message_rows import Rows
-from parallel_robot.bags.progress import Progress
+from parallel_robot.bags.output import Progress
 from parallel_robot.bags.provenance.experiment import SIMULATION, describe
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.contract import JointReference

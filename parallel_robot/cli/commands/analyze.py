@@ -22,7 +22,7 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.custom_code.trust import add_trust_argument
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import stretches
@@ -60,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
     directory = arguments.bag if arguments.bag.is_dir() else arguments.bag.parent
     figure: Path = arguments.figure or directory / 'run.png'
     if arguments.json:
-        new_files.check(arguments.json, '--json')
+        output.check_new(arguments.json, '--json')
     if arguments.figure:
         figures.check_new(figure)
     values = given(arguments)
@@ -78,7 +78,7 @@ def execute(arguments: argparse.Namespace) -> int:
     try:
         with contextlib.ExitStack() as written:
             if arguments.json:
-                written.enter_context(new_files.written(arguments.json, as_json(result)))
+                written.enter_context(output.written(arguments.json, as_json(result)))
             if not kept and not foreign:
                 marks = [one.begin for one in run.parts[1:]]
                 named = log._replace(law=result['law'])

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.custom_code.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
-        new_files.check(arguments.out, '--out')
+        output.check_new(arguments.out, '--out')
     if arguments.figure:
         check_new(arguments.figure)
     others = {

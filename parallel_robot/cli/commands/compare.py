@@ -19,8 +19,8 @@ from parallel_robot.analysis.readable_metrics import (
     unsettled,
     window,
 )
-from parallel_robot.bags import new_files
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags import output
+from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
 from parallel_robot.cli.result_format import add_format_argument, show
@@ -69,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if law not in known:
             raise UnknownNameError('law', law, known)
     if arguments.json:
-        new_files.check(arguments.json, '--json')
+        output.check_new(arguments.json, '--json')
     results = {}
     notes = [*motion_doubts(trajectory_of(values))]
     failed: dict[str, str] = {}
@@ -91,7 +91,7 @@ def execute(arguments: argparse.Namespace) -> int:
     data = summarise(scenario, results, verdicts, causes)
     if arguments.json:
         try:
-            new_files.write(arguments.json, as_json(data))
+            output.write_new(arguments.json, as_json(data))
         except OSError as error:
             raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
     parts = [*table(scenario, laws, results, failed), *map(line, verdicts)]

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.fmu.contents import (
     Contents,
@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     place = arguments.out or arguments.ros2_control
-    new_files.check(place, '--out' if arguments.out else '--ros2-control')
+    output.check_new(place, '--out' if arguments.out else '--ros2-control')
     if arguments.out:
         if place.suffix != '.fmu':
             raise InputError(f'--out must be a name and .fmu, not {place}')
@@ -80,13 +80,13 @@ def execute(arguments: argparse.Namespace) -> int:
         contents = _contents(arguments.kind, configuration)
         if arguments.ros2_control:
             package = ros2_package(contents, configuration.control, place.name)
-            new_files.save_directory(place, package)
+            output.save_directory(place, package)
             made = f'package {place}, {place.name}/LawController'
         else:
             content = unit(
                 contents, identifier(place.stem), arguments.fmi, STEPS * contents.period
             )
-            new_files.save(place, content)
+            output.save(place, content)
             made = f'fmu     {place}, FMI {arguments.fmi}.0, {len(content) / 1e3:.0f} kB'
     roles = [each.role for each in contents.variables]
     print(

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.studies import least_errors
@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
-        new_files.check(arguments.out, '--out')
+        output.check_new(arguments.out, '--out')
     if arguments.figure:
         check_new(arguments.figure)
     name, calm = arguments.scenario, arguments.calm or arguments.figure is not None
@@ -63,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
     show(arguments.format, found.parts(), [dict(zip(head, row, strict=True)) for row in rows])
     if arguments.out:
         try:
-            new_files.write(arguments.out, found.csv().encode())
+            output.write_new(arguments.out, found.csv().encode())
         except OSError as error:
             raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
         tell(arguments.format, f'rows    {arguments.out}')

@@ -15,7 +15,7 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions, timing
 from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recorded_robot, run_log
@@ -95,7 +95,7 @@ def execute(arguments: argparse.Namespace) -> int:
     for step in steps.values():
         configure(resolve(arguments.scenario, base | step.changes))  # before anything moves
     space = full(arguments.namespace)
-    new_files.check_directory(arguments.out)
+    output.check_directory(arguments.out)
     arguments.out.mkdir(parents=True)
     failed = 0
     learnt: dict[str, Any] = {}

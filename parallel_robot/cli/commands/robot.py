@@ -7,7 +7,7 @@ from pathlib import Path
 
 from parallel_robot.analysis.machine.facts import facts_of
 from parallel_robot.analysis.machine.readable import readable
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import JSON, add_format_argument, show
 from parallel_robot_control.configuration import resolve
@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         if arguments.plot.suffix not in PICTURES:
             raise InputError(f'--plot must end with {", ".join(PICTURES)}, not {arguments.plot}')
-        new_files.check(arguments.plot, '--plot')
+        output.check_new(arguments.plot, '--plot')
     position, velocity = (_numbers(key, getattr(arguments, key)) for key in ('state', 'rate'))
     machine = str(arguments.machine)
     if machine in config_files.shipped_machines():

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import timing
-from parallel_robot.bags import new_files
-from parallel_robot.bags.progress import Progress
+from parallel_robot.bags import output
+from parallel_robot.bags.output import Progress
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.provenance.experiment import OF_RUN, command_line
 from parallel_robot.bags.run.recorded_robot import RobotCode
@@ -191,7 +191,7 @@ def move(
         if not configuration.loop.duration:
             raise InputError(ENDLESS, 'duration')
         experiment = assemble(configuration)
-    new_files.check_directory(out)
+    output.check_directory(out)
     realtime.prepare_discovery()
     parameters = node_parameters(MODULES, scenario, changed, experiment.loop)
     parameters['recorder']['recorder.out'] = str(out)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.described_keys import fields_of
-from parallel_robot.bags.printable_output import as_it_is
+from parallel_robot.bags.output import as_it_is
 from parallel_robot.bags.provenance.experiment import OF_RUN
 from parallel_robot.cli.commands.simulate import (
     add_law_argument,

@@ -13,7 +13,7 @@ from typing import Any
 from parallel_robot.analysis import metrics, readable_metrics
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.simulated_figures import SimulatedFigures
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.provenance.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import invocation
@@ -276,7 +276,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
         InputError: something is wrong with the configuration or the place of the bag.
         RunError: the run failed, and the bag has it up to there; or the disk is full.
     """
-    new_files.check_directory(out)
+    output.check_directory(out)
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     configuration = configure(values)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from parallel_robot.analysis.posture import posture_of
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration.config_files import scenario_of
@@ -25,13 +25,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.out:
-        new_files.check(arguments.out, '--out')
+        output.check_new(arguments.out, '--out')
     values = resolve(scenario_of(arguments.scenario), given(arguments))
     with locating(values):
         posture = posture_of(values)
     if not arguments.out:
         print(posture.description, end='')
         return 0
-    new_files.save(arguments.out, posture.description.encode())
+    output.save(arguments.out, posture.description.encode())
     print(f'urdf    {arguments.out}, {len(posture.links)} links')
     return 0

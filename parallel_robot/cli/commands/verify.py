@@ -7,7 +7,7 @@ import functools
 import math
 from collections.abc import Callable, Iterable
 
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.machine_verification import name_of, verify_machine

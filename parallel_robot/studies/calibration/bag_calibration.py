@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.reading import pose_topics
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.pose_topics import StampedPoses
@@ -101,7 +101,7 @@ class Calibration(ShownResult):
             InputError: it cannot be written.
         """
         content = parameter_file.text(self.model, self.found, str(self.bag))
-        new_files.save(out, content.encode())
+        output.save(out, content.encode())
 
 
 def calibrate(

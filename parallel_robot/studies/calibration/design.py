@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.studies.calibration import least_squares, reach
 from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
@@ -120,7 +120,7 @@ class Designed(ShownResult):
             f'# {len(self.poses)} poses of {self.robot} that tell most of its geometry, with '
             f'{REST:g} s of rest at each.\n'
         )
-        new_files.save(path, (comment + dump(self.motion)).encode())
+        output.save(path, (comment + dump(self.motion)).encode())
 
 
 def design(

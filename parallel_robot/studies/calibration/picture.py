@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.palette import RUNS
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.readable import MICRO

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.run_log import RunLog
@@ -102,7 +102,7 @@ class Identification(ShownResult):
             with contextlib.ExitStack() as written:
                 if out:
                     content = robot_file.text(self.found, str(self.bag), self._noise).encode()
-                    written.enter_context(new_files.written(out, content))
+                    written.enter_context(output.written(out, content))
                 if figure:
                     rows, torque = self.checked.rows, self.checked.torque
                     units = self.found.nominal.robot.joint_units
@@ -120,7 +120,7 @@ def check_files(out: Path | None, figure: Path | None) -> None:
         InputError: with the reason.
     """
     if out:
-        new_files.check(out, '--out')
+        output.check_new(out, '--out')
     if figure:
         figures.check_new(figure)
 

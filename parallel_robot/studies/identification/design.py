@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.progress import tracked
+from parallel_robot.bags.output import tracked
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.safety.limiting import SafetyParameters

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.studies.identification import design, robot_file
 from parallel_robot.studies.identification.design import Design
 from parallel_robot_control.configuration import resolve
@@ -78,7 +78,7 @@ class Designed(ShownResult):
         plant = {'initial_pose': found.parameters['center']}
         tree = {design.SHAPE: found.parameters, 'plant': plant}
         try:
-            new_files.write(path, (comment + robot_file.dump(tree)).encode())
+            output.write_new(path, (comment + robot_file.dump(tree)).encode())
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}') from None
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report.palette import RUNS
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.limit.causes import WHOLE, LeastError
 from parallel_robot_model.common.units import JointUnits
 

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.palette import RUNS
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.results import ESTIMATED, LIMIT, NEGLIGIBLE, ScenarioResult
 from parallel_robot_control.laws import PAPER

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags.printable_output import as_it_is
+from parallel_robot.bags.output import as_it_is
 from parallel_robot.studies.sweep import results, summary
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.store import RUNS, Store

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags import new_files
+from parallel_robot.bags import output
 from parallel_robot.studies.tuning import effort as efforts
 from parallel_robot.studies.tuning import equal_effort, fronts, held_out
 from parallel_robot.studies.tuning.fronts import Front
@@ -67,7 +67,7 @@ def compare(
     formats = fronts.FORMATS if study is None else ('.yaml', '.yml')
     if out.suffix not in formats:
         raise InputError(f'{option} must end with {" or ".join(formats)}, not {out.name!r}')
-    new_files.check(out, option)
+    output.check_new(out, option)
     if not directories:
         raise InputError('directories of tunings are needed')
     found = [fronts.read(directory) for directory in directories]
@@ -83,7 +83,7 @@ def compare(
         raise InputError('--study needs --effort MEASURE=VALUE, and no --sweep')
     else:
         content = held_out.study_of(found, limit, study).encode()
-    new_files.save(out, content)
+    output.save(out, content)
     return compared
 
 

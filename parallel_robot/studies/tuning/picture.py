@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report.palette import RUNS
-from parallel_robot.bags.printable_output import without_mathematics
+from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep.results import Quantity
 from parallel_robot.studies.tuning.convergence import Verdict
 from parallel_robot.studies.tuning.trial import Trial
