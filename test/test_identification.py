@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from assembly import simulated
 
-from parallel_robot.bags import kept_parts
+from parallel_robot.bags import limits
 from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.studies.identification import (
     identified,
@@ -343,7 +343,7 @@ def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
     """Whoever looks at the windows keeps little of them, and copies, not views of all."""
     for module in (measured_motion, motor_lag, rest):
         monkeypatch.setattr(module, 'LONGEST', 1500)
-    monkeypatch.setattr(kept_parts, 'HELD', 1000)
+    monkeypatch.setattr(limits, 'HELD', 1000)
     whole, made, most = log_of(excited), [], []
 
     def windows():
@@ -372,7 +372,7 @@ def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
 
 def test_a_motion_for_which_the_disk_has_no_room_costs_one_line(excited, monkeypatch):
     with Path('/dev/full').open('wb+', buffering=0) as full:
-        monkeypatch.setattr(kept_parts.tempfile, 'SpooledTemporaryFile', lambda _: full)
+        monkeypatch.setattr(limits.tempfile, 'SpooledTemporaryFile', lambda _: full)
         with pytest.raises(InputError, match=r'cannot keep the motion .* TMPDIR'):
             measured_motion.of(log_of(excited), (), LIMIT)
 

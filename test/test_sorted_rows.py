@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from parallel_robot.bags import kept_parts
-from parallel_robot.bags.sorted_rows import SortedRows
+from parallel_robot.bags import limits
+from parallel_robot.bags.limits import SortedRows
 from parallel_robot_model.common.errors import InputError
 
 RANDOM = np.random.default_rng(7)
@@ -17,7 +17,7 @@ COUNT = 1000
 @pytest.mark.parametrize('times', ['rising', 'equal', 'mixed'])
 @pytest.mark.parametrize('kind', [np.float64, np.int64])
 def test_rows_are_those_that_numpy_sorts(most, times, kind, monkeypatch):
-    monkeypatch.setattr(kept_parts, 'HELD', 2000)
+    monkeypatch.setattr(limits, 'HELD', 2000)
     found = RANDOM.integers(0, 300, COUNT) + (1 << 53 if kind is np.int64 else 0.5)
     found = {'rising': np.arange(COUNT) + found[0], 'equal': np.sort(found), 'mixed': found}[times]
     found, rows = found.astype(kind), RANDOM.normal(size=(COUNT, 3))
@@ -34,6 +34,6 @@ def test_rows_are_those_that_numpy_sorts(most, times, kind, monkeypatch):
 
 def test_rows_for_which_the_disk_has_no_room_cost_one_line(monkeypatch):
     with Path('/dev/full').open('wb+', buffering=0) as full:
-        monkeypatch.setattr(kept_parts.tempfile, 'SpooledTemporaryFile', lambda _: full)
+        monkeypatch.setattr(limits.tempfile, 'SpooledTemporaryFile', lambda _: full)
         with pytest.raises(InputError, match=r'cannot keep the poses .* TMPDIR'):
             SortedRows('the poses').add(np.arange(3.0), np.zeros((3, 2)))

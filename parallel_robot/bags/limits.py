@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
-from parallel_robot_model.common.errors import BagError
+import numpy as np
+
+from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.units import Array
 
 MEMORY = 2 << 30  # bytes that a command may take for what is in bags
 TRUSTED = 1 << 50  # the same, for a bag that this process has just had written
@@ -110,3 +116,105 @@ class Allowance:
 def gigabytes(size: int) -> str:
     """A number of bytes in words."""
     return f'{size / (1 << 30):.3g} GB'
+
+
+# Keeps the parts of a motion or of other rows, those of a long one in a file without a name.
+
+HELD = 1 << 24  # bytes that are held in memory; what is longer is in the file
+
+
+class KeptParts:
+    """Tuples of arrays, which are read as often as they are wanted."""
+
+    def __init__(self, what: str) -> None:
+        """Begin without any; `what` they are of, for error messages."""
+        self._what = what
+        self._file = tempfile.SpooledTemporaryFile(HELD)  # noqa: SIM115  closed with this
+        self._counts: list[int] = []  # arrays of each part
+
+    def add(self, *arrays: np.ndarray) -> None:
+        """Keep the next part.
+
+        Raises:
+            InputError: there is no room for it.
+        """
+        try:
+            self._file.seek(0, os.SEEK_END)
+            for array in arrays:
+                np.save(self._file, array, allow_pickle=False)
+            self._file.flush()
+        except OSError as error:
+            where = 'a temporary file; TMPDIR names the directory of such files'
+            raise InputError(f'cannot keep {self._what} in {where}: {error.strerror}') from None
+        self._counts.append(len(arrays))
+
+    def __iter__(self) -> Iterator[list[np.ndarray]]:
+        """The parts in order, from the first one on each time."""
+        place = 0
+        for count in self._counts:
+            self._file.seek(place)
+            part = [np.load(self._file, allow_pickle=False) for _ in range(count)]
+            place = self._file.tell()
+            yield part
+
+
+# Rows of numbers in rising order, of which all or some are read; many are kept in a file.
+
+
+class SortedRows:
+    """Rows by a time or stamp each; equal ones stay in the order in which they came.
+
+    Attributes:
+        count: How many there are.
+    """
+
+    def __init__(self, what: str) -> None:
+        """Begin without any; `what` they are, for error messages."""
+        self.count = 0
+        self._parts = KeptParts(what)
+        self._newest: float | None = None
+        self._rise = True
+
+    def add(self, times: np.ndarray, rows: Array) -> None:
+        """Take the next rows, shape (N, k), with their times, shape (N,).
+
+        Raises:
+            InputError: there is no room for them.
+        """
+        if not len(times):
+            return
+        before = times[:1] if self._newest is None else self._newest
+        self._rise &= bool((np.diff(times, prepend=before) >= 0).all())
+        self._newest = times[-1]
+        self._parts.add(times, rows)
+        self.count += len(times)
+
+    def evenly(self, most: int | None = None) -> tuple[np.ndarray, Array]:
+        """At most so many of the rows from the first to the last, evenly; None: all.
+
+        Returns:
+            Rising times, shape (M,), and rows, shape (M, k).
+        """
+        if most is None or most >= self.count:
+            wanted = np.arange(self.count)
+        else:
+            wanted = np.linspace(0, self.count - 1, most).astype(int)
+        if not self._rise:
+            wanted = np.argsort(self._times(), kind='stable')[wanted]
+        order = np.argsort(wanted, kind='stable')
+        begin, parts = 0, []
+        for times, rows in self._parts:
+            low, high = np.searchsorted(wanted[order], [begin, begin + len(times)])
+            inside = wanted[order[low:high]] - begin
+            parts.append((times[inside], rows[inside]))
+            begin += len(times)
+        there = np.argsort(order)
+        found, values = (np.concatenate(each) for each in zip(*parts, strict=True))
+        return found[there], values[there]
+
+    def _times(self) -> np.ndarray:
+        found, begin = np.empty(self.count, type(self._newest)), 0
+        for times, _ in self._parts:
+            found[begin : begin + len(times)] = times
+            begin += len(times)
+        return found

@@ -7,10 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.limits import MEMORY
+from parallel_robot.bags.limits import MEMORY, SortedRows
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.bag_reader import Messages
-from parallel_robot.bags.sorted_rows import SortedRows
 from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.messages import topics

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.bags.sorted_rows import SortedRows
+from parallel_robot.bags.limits import SortedRows
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array

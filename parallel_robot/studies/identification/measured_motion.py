@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags.kept_parts import KeptParts
+from parallel_robot.bags.limits import KeptParts
 from parallel_robot.bags.messages.span import FIRST
 from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.run.run_log import RunLog
