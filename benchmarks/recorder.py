@@ -22,7 +22,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from rows import row, show
 
-from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.files.bag_files import MESSAGES
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import DEPTH
 from parallel_robot_model.nodes.connections import message_class

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from parallel_robot.bags.files.certificate import Certificate, lost
+from parallel_robot.bags.files.bag_files import Certificate, lost
 
 
 def test_programs_read_numbers_and_people_a_sentence():

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
-from parallel_robot.bags.files.certificate import Certificate
-from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.files.bag_files import MESSAGES, Certificate
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.bag_writer import BagWriter

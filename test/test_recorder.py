@@ -13,10 +13,9 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot.bags.files.bag_files import open_file
+from parallel_robot.bags.files.bag_files import MESSAGES, open_file
 from parallel_robot.bags.files.mcap_block import Block
 from parallel_robot.bags.files.mcap_records import scan
-from parallel_robot.bags.files.record_names import MESSAGES
 from parallel_robot.bags.messages.channels import channel, channel_of, qos_profile
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.reading import bag_reader

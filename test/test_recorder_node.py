@@ -12,7 +12,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
-from parallel_robot.bags.files.record_names import MESSAGES
+from parallel_robot.bags.files.bag_files import MESSAGES
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics

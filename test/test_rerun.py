@@ -12,7 +12,7 @@ from test_replay import live, switch
 
 from parallel_robot.analysis.replay import bag_rerun
 from parallel_robot.bags import limits
-from parallel_robot.bags.files.record_names import MISSING
+from parallel_robot.bags.files.bag_files import MISSING
 from parallel_robot.bags.provenance import arithmetic, history
 from parallel_robot.bags.run import bag_difference, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter

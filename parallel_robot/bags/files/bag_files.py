@@ -154,3 +154,46 @@ def _mapped(stream: IO[bytes]) -> memoryview:
 def _numbers_by_value(name: str) -> list[tuple[int, str]]:
     """Key that sorts bag_10 after bag_9."""
     return [(int(part or 0), text) for text, part in re.findall(r'(\D*)(\d*)', name)]
+
+
+# What a bag certifies of each topic: how many messages were written, and how many were lost.
+
+
+class Certificate(NamedTuple):
+    """Messages of one topic.
+
+    Attributes:
+        written: How many are in the bag.
+        lost: How many are known to be missing; None when that is not known.
+    """
+
+    written: int
+    lost: int | None
+
+    def __str__(self) -> str:
+        """For people."""
+        return f'written {self.written}, lost {"unknown" if self.lost is None else self.lost}'
+
+    def dump(self) -> str:
+        """As a bag holds it: JSON."""
+        return plain_data.dump(self._asdict())
+
+
+def lost(text: str) -> int:
+    """Number of lost messages from the text in a bag; 0 when it does not say."""
+    number = plain_data.mapping(text).get('lost')
+    return number if type(number) is int and number > 0 else 0
+
+
+# Names of the metadata records that the suite writes into a bag.
+
+ROSBAG2 = 'rosbag2'  # what is in metadata.yaml, as ROS's recorder writes it
+METADATA = 'parallel_robot'  # facts of the experiment; prefix of all the others
+MESSAGES = 'parallel_robot_messages'  # written and lost messages by topic
+PARAMETERS = 'parallel_robot_parameters'  # parameters of a node at the start
+CHANGES = 'parallel_robot_changes'  # a later change of parameters
+MISSING = {  # why the file of a custom module is not attached, by file
+    'custom_laws': 'parallel_robot_missing_laws',
+    'custom_robots': 'parallel_robot_missing_robots',
+    'custom_trajectories': 'parallel_robot_missing_trajectories',
+}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
-from parallel_robot.bags.files import certificate
-from parallel_robot.bags.files.record_names import CHANGES, MESSAGES, PARAMETERS
+from parallel_robot.bags.files import bag_files
+from parallel_robot.bags.files.bag_files import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot.bags.limits import is_name
 from parallel_robot.bags.provenance.experiment import suits
 from parallel_robot.bags.provenance.statuses import LIMIT_TEXT, ControllerStatus
@@ -83,7 +83,7 @@ def of(found: Bag[Any], told: Iterable[tuple[int, ControllerStatus]]) -> History
         parameters,
         tuple(changes),
         found.sources,
-        {topic: certificate.lost(text) for topic, text in certificates},
+        {topic: bag_files.lost(text) for topic, text in certificates},
     )
 
 

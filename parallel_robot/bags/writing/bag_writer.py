@@ -17,9 +17,8 @@ from mcap.records import ChunkIndex
 from mcap.writer import Writer
 
 from parallel_robot.bags import output
-from parallel_robot.bags.files.certificate import Certificate
+from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Certificate
 from parallel_robot.bags.files.record_file import RecordFile
-from parallel_robot.bags.files.record_names import MESSAGES, METADATA, ROSBAG2
 from parallel_robot.bags.messages import message_rows
 from parallel_robot.bags.messages.channels import Channel, channel_of, profiles_of
 from parallel_robot_model.messages.topics import Topic

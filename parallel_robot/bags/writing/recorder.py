@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags.custom_code import custom_sources
-from parallel_robot.bags.files.certificate import Certificate
-from parallel_robot.bags.files.record_names import CHANGES, MISSING, PARAMETERS
+from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
 from parallel_robot.bags.messages.channels import Channel, channel_of
 from parallel_robot.bags.provenance.experiment import describe, software
 from parallel_robot.bags.provenance.statuses import decoded

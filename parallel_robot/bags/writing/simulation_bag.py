@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags.custom_code import custom_sources
-from parallel_robot.bags.files.certificate import Certificate
+from parallel_robot.bags.files.bag_files import Certificate
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.provenance.experiment import SIMULATION, describe
