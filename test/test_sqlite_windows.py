@@ -9,7 +9,7 @@ from test_long_bags import assert_alike
 from test_windows import WIDTH, assert_all, assert_together, bag, messages  # noqa: F401  fixtures
 
 from parallel_robot.analysis import evaluated_bag
-from parallel_robot.bags.files import bag_files, sqlite_records
+from parallel_robot.bags.files import bag_files, bag_kinds
 from parallel_robot.bags.files.mcap_block import Block
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.reading.bag_view import BagView
@@ -24,8 +24,8 @@ ROWS = 300
 
 @pytest.fixture(autouse=True)
 def _few_rows(monkeypatch):
-    monkeypatch.setattr(sqlite_records, 'ROWS', ROWS)
-    monkeypatch.setattr(sqlite_records, 'BATCH', 10_000)
+    monkeypatch.setattr(bag_kinds, 'ROWS', ROWS)
+    monkeypatch.setattr(bag_kinds, 'BATCH', 10_000)
 
 
 @pytest.fixture
@@ -135,13 +135,15 @@ def test_it_is_evaluated_in_windows(recorded, monkeypatch):
 
 def test_only_what_is_wanted_is_read(recorded, messages):  # noqa: F811
     file = bag_files.open_file(recorded)
-    every = [record for record in sqlite_records.scan(recorded, file) if isinstance(record, Block)]
+    every = [
+        record for record in bag_kinds.scan_sqlite(recorded, file) if isinstance(record, Block)
+    ]
     rows = [row for block in every for row in block.heads()[['channel', 'log_time']].tolist()]
     begins = range(1, len(rows) + 1, ROWS)
     skipped = {*begins[1:7], begins[-1]}
     kept = [
         row
-        for block in sqlite_records.scan(recorded, file, skipped)
+        for block in bag_kinds.scan_sqlite(recorded, file, skipped)
         if isinstance(block, Block)
         for row in block.heads()[['channel', 'log_time']].tolist()
     ]

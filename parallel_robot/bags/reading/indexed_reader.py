@@ -16,10 +16,10 @@ from mcap.records import Channel, Schema, Statistics
 
 from parallel_robot.bags.files import bag_kinds, mcap_records
 from parallel_robot.bags.files.bag_files import File, files, open_file, release
+from parallel_robot.bags.files.bag_kinds import JOURNAL, SqliteFile
 from parallel_robot.bags.files.chunk_table import Chunk, Chunks, ChunkTable
 from parallel_robot.bags.files.mcap_block import Block
 from parallel_robot.bags.files.mcap_records import Damage
-from parallel_robot.bags.files.sqlite_records import JOURNAL, SqliteFile
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.output import MAX_LINE_LENGTH
 from parallel_robot.bags.reading.bag_reader import LARGE, Messages, join, messages_of
