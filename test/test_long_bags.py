@@ -15,7 +15,7 @@ from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.quantiles import Quantiles
 from parallel_robot.analysis.running_timing import RunningTiming
 from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.reading import indexed_reader, window_streams
+from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.writing import recovery, simulation_bag
@@ -37,7 +37,7 @@ def windows(monkeypatch):
     """Bags are read in short windows from here on."""
 
     def begin():
-        for module in (window_streams, recording):
+        for module in (indexed_reader, recording):
             monkeypatch.setattr(module, 'SLACK', 200 * MS)
         monkeypatch.setattr(indexed_reader, 'LARGE', 1)
         monkeypatch.setattr(evaluated_bag, 'WINDOW', WINDOW)

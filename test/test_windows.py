@@ -9,7 +9,7 @@ from bags import content, write_foreign, write_mcap
 
 from parallel_robot.bags import limits
 from parallel_robot.bags.files import bag_files, mcap_records
-from parallel_robot.bags.reading import indexed_reader, window_streams
+from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.run import bag_difference, gathered_run, recording
@@ -30,7 +30,7 @@ WIDTH = 0.43  # s of a window
 @pytest.fixture(autouse=True)
 def _short(monkeypatch):
     """Little is read beyond a window, and little at once."""
-    for module in (window_streams, recording):
+    for module in (indexed_reader, recording):
         monkeypatch.setattr(module, 'SLACK', 200 * MS)
     monkeypatch.setattr(indexed_reader, 'LARGE', 1)
 

@@ -19,8 +19,7 @@ from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.reading.indexed_reader import BagReader
-from parallel_robot.bags.reading.window_streams import SLACK, Window, windows
+from parallel_robot.bags.reading.indexed_reader import SLACK, BagReader, Window, windows
 from parallel_robot.bags.run import motion_alone, run_log, run_topics
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
