@@ -15,7 +15,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
 from parallel_robot.bags.files.bag_files import open_file
-from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import Damage, scan
 from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.messages.message_rows import Rows

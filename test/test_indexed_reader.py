@@ -11,7 +11,7 @@ from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
 from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.files.chunk_table import Chunk, Chunks, ChunkTable
+from parallel_robot.bags.files.mcap_chunks import Chunk, Chunks, ChunkTable
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError

@@ -14,7 +14,7 @@ from bags import content
 from mcap.reader import make_reader
 
 from parallel_robot.bags.files.bag_files import MESSAGES, open_file
-from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import scan
 from parallel_robot.bags.messages.channels import channel, channel_of, qos_profile
 from parallel_robot.bags.provenance import history

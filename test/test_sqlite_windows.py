@@ -10,7 +10,7 @@ from test_windows import WIDTH, assert_all, assert_together, bag, messages  # no
 
 from parallel_robot.analysis import evaluated_bag
 from parallel_robot.bags.files import bag_files, bag_kinds
-from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader

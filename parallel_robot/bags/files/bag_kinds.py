@@ -20,8 +20,7 @@ from mcap.records import Channel, Schema, Statistics
 
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.files.bag_files import File, release
-from parallel_robot.bags.files.chunk_table import Chunk, ChunkTable
-from parallel_robot.bags.files.mcap_block import HEAD, MESSAGE_HEAD, Block
+from parallel_robot.bags.files.mcap_chunks import HEAD, MESSAGE_HEAD, Block, Chunk, ChunkTable
 from parallel_robot.bags.files.mcap_records import Damage, Record
 from parallel_robot.bags.limits import CHANNELS, CHUNK, CHUNK_INDEX, Allowance
 from parallel_robot_model.common.errors import BagError

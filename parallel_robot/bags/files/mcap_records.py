@@ -15,12 +15,16 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
 
 from parallel_robot.bags.files.bag_files import release
-from parallel_robot.bags.files.chunk_table import ChunkTable
-from parallel_robot.bags.files.mcap_block import HEAD, LENGTH, MESSAGE_HEAD, Block, record_starts
-from parallel_robot.bags.files.mcap_chunk import (
+from parallel_robot.bags.files.mcap_chunks import (
+    HEAD,
+    LENGTH,
+    MESSAGE_HEAD,
+    Block,
+    ChunkTable,
     Content,
     chunk_content,
     packed_chunk,
+    record_starts,
     unknown_compression,
 )
 from parallel_robot.bags.limits import ATTACHMENT, CHUNK_INDEX, DESCRIPTION, Allowance

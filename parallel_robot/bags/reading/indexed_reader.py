@@ -17,8 +17,7 @@ from mcap.records import Channel, Schema, Statistics
 from parallel_robot.bags.files import bag_kinds, mcap_records
 from parallel_robot.bags.files.bag_files import File, files, open_file, release
 from parallel_robot.bags.files.bag_kinds import JOURNAL, SqliteFile
-from parallel_robot.bags.files.chunk_table import Chunk, Chunks, ChunkTable
-from parallel_robot.bags.files.mcap_block import Block
+from parallel_robot.bags.files.mcap_chunks import Block, Chunk, Chunks, ChunkTable
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.messages.message_arrays import Samples
