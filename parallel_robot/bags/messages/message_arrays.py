@@ -16,7 +16,7 @@ from parallel_robot.bags.messages.message_parts import Samples as Samples
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.layouts import OWN, Reader, joint_message
-from parallel_robot_model.messages.topics import Topic
+from parallel_robot_model.messages.topics import ANSWERED, UNSTAMPED, Topic
 
 Kind = tuple[cdr.Layout, tuple[str, ...]]  # and the joints
 FIELDS = {
@@ -307,3 +307,33 @@ def _header_stamps(topic: Topic, payloads: np.ndarray) -> np.ndarray:
     if topic.every == 0 or heads.shape[1] < stamp.itemsize:
         return np.zeros(len(payloads), np.int64)
     return cdr.stamps_of(heads.view(stamp)[:, 0])
+
+
+# A part of a run: between which stamps, and between which log times where there are none.
+
+FIRST, LAST = -(1 << 62), 1 << 62  # before and after all stamps and log times [ns]
+
+
+class Span(NamedTuple):
+    """A part of a run.
+
+    Attributes:
+        begin: First stamp [ns].
+        end: The stamp after the last [ns].
+        begin_heard: First log time of messages without a stamp [ns].
+        end_heard: The log time after their last [ns].
+    """
+
+    begin: int = FIRST
+    end: int = LAST
+    begin_heard: int = FIRST
+    end_heard: int = LAST
+
+    def holds(self, topic: Topic, messages: Samples) -> np.ndarray:
+        """Which messages of a topic are of this part, shape (N,)."""
+        if topic.every and topic.type not in (*UNSTAMPED, ANSWERED.type):
+            return (messages.stamps >= self.begin) & (messages.stamps < self.end)
+        return (messages.log_times >= self.begin_heard) & (messages.log_times < self.end_heard)
+
+
+WHOLE = Span()

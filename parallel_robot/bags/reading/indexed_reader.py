@@ -20,8 +20,7 @@ from parallel_robot.bags.files.bag_kinds import JOURNAL, SqliteFile
 from parallel_robot.bags.files.mcap_chunks import Block, Chunk, Chunks, ChunkTable
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
-from parallel_robot.bags.messages.message_arrays import Samples
-from parallel_robot.bags.messages.span import FIRST, LAST, Span
+from parallel_robot.bags.messages.message_arrays import FIRST, LAST, Samples, Span
 from parallel_robot.bags.output import MAX_LINE_LENGTH
 from parallel_robot.bags.reading.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot_model.common.errors import BagError, WholeNeededError, printable

@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags.messages.message_arrays import Samples
-from parallel_robot.bags.messages.span import WHOLE, Span
+from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import command_states, run_messages, state_references

@@ -11,8 +11,16 @@ import numpy as np
 
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages import message_arrays, planned_motion
-from parallel_robot.bags.messages.message_arrays import LOG, Broken, Samples, whole
-from parallel_robot.bags.messages.span import FIRST, LAST, WHOLE, Span
+from parallel_robot.bags.messages.message_arrays import (
+    FIRST,
+    LAST,
+    LOG,
+    WHOLE,
+    Broken,
+    Samples,
+    Span,
+    whole,
+)
 from parallel_robot.bags.provenance import experiment, history, statuses
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.provenance.statuses import ControllerStatus

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from parallel_robot.bags.messages.span import FIRST
+from parallel_robot.bags.messages.message_arrays import FIRST
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration.pose_model import JointTrack
 from parallel_robot_model.common.units import Array
