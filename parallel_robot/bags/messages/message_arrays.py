@@ -10,9 +10,8 @@ import numpy as np
 
 from parallel_robot.bags.limits import KINDS, MESSAGE, is_name
 from parallel_robot.bags.messages import planned_motion
-from parallel_robot.bags.messages.message_encoding import little_endian
-from parallel_robot.bags.messages.message_parts import Messages
-from parallel_robot.bags.messages.message_parts import Samples as Samples
+from parallel_robot.bags.messages.message_types import Messages, little_endian
+from parallel_robot.bags.messages.message_types import Samples as Samples
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.layouts import OWN, Reader, joint_message

@@ -8,10 +8,16 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+import yaml
+
+from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.messages import topics
+from parallel_robot_model.messages.topics import DEPTH, Topic
 
 FILE = Path(__file__).with_suffix('.json')
 
@@ -87,6 +93,146 @@ def _store(name: str) -> Any:
     store = Typestore()
     store.register(get_types_from_msg(message_type(name).definition, name))
     return store
+
+
+# Some messages of a topic: as bytes, and decoded.
+
+
+class Messages(NamedTuple):
+    """Some messages of one topic and one length, in the order of the file.
+
+    Attributes:
+        log_times: When they were recorded [ns], shape (N,).
+        payloads: The bytes, shape (N, L).
+    """
+
+    log_times: np.ndarray
+    payloads: np.ndarray
+
+
+class Samples(NamedTuple):
+    """Decoded messages of a topic.
+
+    Attributes:
+        joints: Names in the messages; empty where the type has none.
+        log_times: When they were recorded [ns], shape (N,).
+        stamps: Stamps of their headers [ns], shape (N,); zero where the type has none.
+        numbers: Fields by name, each shape (N, n), in the order of the joints.
+    """
+
+    joints: tuple[str, ...]
+    log_times: np.ndarray
+    stamps: np.ndarray
+    numbers: dict[str, np.ndarray]
+
+    def rows(self, chosen: np.ndarray) -> Samples:
+        """Some of them, by their numbers or by a mask."""
+        numbers = {name: values[chosen] for name, values in self.numbers.items()}
+        return Samples(self.joints, self.log_times[chosen], self.stamps[chosen], numbers)
+
+
+# Messages of machines with the other order of bytes.
+
+BIG_ENDIAN = b'\x00\x00'  # first bytes of CDR
+HEAD = 4  # bytes of the encapsulation
+
+
+def little_endian(topic: Topic, messages: Messages) -> Messages:
+    """Messages with those in big-endian CDR as little-endian CDR; broken ones as they are."""
+    if messages.payloads.shape[1] <= HEAD:
+        return messages
+    big = ~messages.payloads[:, : len(BIG_ENDIAN)].any(axis=1)
+    if not big.any():
+        return messages
+    payloads = messages.payloads.copy()
+    for row in (payloads[k] for k in np.flatnonzero(big)):
+        try:
+            found = reserialize(row.tobytes(), topic.type)
+        except Exception:  # in broken bytes, anything can go wrong
+            continue
+        if len(found) <= len(row):
+            row[:] = 0
+            row[: len(found)] = np.frombuffer(found, np.uint8)
+    return Messages(messages.log_times, payloads)
+
+
+# Topics as a bag describes them: type, definition and quality of service.
+
+FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+
+
+class Channel(NamedTuple):
+    """A topic as a bag describes it.
+
+    Attributes:
+        topic: Full name, with its leading slash.
+        type: ROS type.
+        encoding: Format of the definition, e.g. ``ros2msg``.
+        definition: The type and the types in it.
+        metadata: Pairs of key and value: ``offered_qos_profiles`` (YAML), ``topic_type_hash``.
+    """
+
+    topic: str
+    type: str
+    encoding: str
+    definition: bytes
+    metadata: tuple[tuple[str, str], ...]
+
+
+def channel(
+    name: str, kind: str, definition: str, digest: str, profiles: Iterable[Mapping[str, Any]]
+) -> Channel:
+    """Describe a topic for a bag.
+
+    Args:
+        name: Name of the topic, without leading slash.
+        kind: ROS type.
+        definition: Text of the type and of all types in it.
+        digest: Hash of the type, RIHS01.
+        profiles: Quality of service of each publisher.
+    """
+    metadata = (
+        ('offered_qos_profiles', yaml.safe_dump(list(profiles), sort_keys=False)),
+        ('topic_type_hash', digest),
+    )
+    return Channel(f'/{name}', kind, 'ros2msg', definition.encode(), metadata)
+
+
+@functools.cache
+def channel_of(topic: Topic) -> Channel:
+    """Describe a topic of the suite for a bag."""
+    profiles = [qos_profile(True, topic.latched)]
+    return channel(topic.name, topic.type, *message_type(topic.type), profiles)
+
+
+def qos_profile(reliable: bool, latched: bool) -> dict[str, Any]:
+    """Quality of service as rosbag2 writes it."""
+    return {
+        'history': 'keep_last',
+        'depth': 1 if latched else DEPTH,
+        'reliability': 'reliable' if reliable else 'best_effort',
+        'durability': 'transient_local' if latched else 'volatile',
+        'deadline': FOREVER,
+        'lifespan': FOREVER,
+        'liveliness': 'automatic',
+        'liveliness_lease_duration': FOREVER,
+        'avoid_ros_namespace_conventions': False,
+    }
+
+
+def profiles_of(channel: Channel) -> list[Any]:
+    """Quality of service for metadata.yaml; empty unless it has the form of that version."""
+    try:
+        profiles = plain_data.load(dict(channel.metadata).get('offered_qos_profiles', ''))
+    except ValueError:
+        return []
+    if isinstance(profiles, list) and all(_has_words(profile) for profile in profiles):
+        return profiles
+    return []
+
+
+def _has_words(profile: Any) -> bool:
+    return isinstance(profile, dict) and isinstance(profile.get('reliability'), str)
 
 
 if __name__ == '__main__':

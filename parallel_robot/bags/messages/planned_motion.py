@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags.limits import DESCRIPTION, is_name
-from parallel_robot.bags.messages.message_parts import Messages, Samples
-from parallel_robot.bags.messages.message_types import deserialize
+from parallel_robot.bags.messages.message_types import Messages, Samples, deserialize
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts

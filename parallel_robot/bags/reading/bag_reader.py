@@ -27,7 +27,7 @@ from parallel_robot.bags.limits import (
     gigabytes,
 )
 from parallel_robot.bags.messages import planned_motion
-from parallel_robot.bags.messages.message_parts import Messages as Messages
+from parallel_robot.bags.messages.message_types import Messages as Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data

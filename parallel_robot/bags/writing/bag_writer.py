@@ -20,7 +20,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Certificate
 from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.messages import message_rows
-from parallel_robot.bags.messages.channels import Channel, channel_of, profiles_of
+from parallel_robot.bags.messages.message_types import Channel, channel_of, profiles_of
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.processes.ending_signals import ending_signals
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from parallel_robot.bags.custom_code import custom_sources
 from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
-from parallel_robot.bags.messages.channels import Channel, channel_of
+from parallel_robot.bags.messages.message_types import Channel, channel_of
 from parallel_robot.bags.provenance.experiment import describe, software
 from parallel_robot.bags.provenance.statuses import decoded
 from parallel_robot.bags.writing.bag_writer import BagWriter

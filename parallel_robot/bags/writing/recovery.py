@@ -16,7 +16,7 @@ from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Fil
 from parallel_robot.bags.files.mcap_chunks import Block, unpacked_payload
 from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.messages.channels import Channel
+from parallel_robot.bags.messages.message_types import Channel
 from parallel_robot.bags.output import Progress, check_directory
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recorded_robot import SECONDS

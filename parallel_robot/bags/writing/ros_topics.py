@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
-from parallel_robot.bags.messages.channels import Channel, channel, qos_profile
+from parallel_robot.bags.messages.message_types import Channel, channel, qos_profile
 from parallel_robot.bags.messages.ros_message_definition import definition
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Field

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from parallel_robot.bags.messages.channels import Channel
+from parallel_robot.bags.messages.message_types import Channel
 from parallel_robot_model.messages.layouts import header_stamp, last_state
 from parallel_robot_model.messages.topics import (
     ACTIVE_LAW,
