@@ -46,7 +46,6 @@ setup(
         'parallel_robot.analysis.report',
         'parallel_robot.analysis.video',
         'parallel_robot.bags',
-        'parallel_robot.bags.custom_code',
         'parallel_robot.bags.files',
         'parallel_robot.bags.messages',
         'parallel_robot.bags.playing',

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags import trust
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import SafetyParameters
@@ -269,7 +269,7 @@ def test_files_of_laws_are_absolute(path, monkeypatch):
     monkeypatch.setenv('HOME', str(root))
     values = config.resolve('paper_circle', {'custom_laws': [path]})
     assert values['custom_laws'] == [str(root / 'docs' / 'example_law.py')]
-    name, _ = custom_sources.attachment('custom_laws', *values['custom_laws'])
+    name, _ = trust.attachment('custom_laws', *values['custom_laws'])
     assert name == 'custom_laws/example_law'
 
 
@@ -277,13 +277,13 @@ def test_a_link_is_attached_as_what_it_leads_to(tmp_path):
     law, link = tmp_path / 'mine.py', tmp_path / 'link.py'
     law.write_bytes(b'x = 1')
     link.symlink_to(law)
-    assert custom_sources.attachment('custom_laws', str(link)) == ('custom_laws/mine', b'x = 1')
+    assert trust.attachment('custom_laws', str(link)) == ('custom_laws/mine', b'x = 1')
     for target in ('secret', 'folder.py'):
         link.unlink()
         link.symlink_to(tmp_path / target)
         (tmp_path / target).mkdir() if target == 'folder.py' else (tmp_path / target).touch()
         with pytest.raises(InputError, match=f'link.py is no .py file but .*{target}'):
-            custom_sources.attachment('custom_laws', str(link))
+            trust.attachment('custom_laws', str(link))
     (tmp_path / 'id_rsa').touch()
     with pytest.raises(InputError, match=r'id_rsa is no \.py file'):
-        custom_sources.attachment('custom_laws', str(tmp_path / 'id_rsa'))
+        trust.attachment('custom_laws', str(tmp_path / 'id_rsa'))

@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import os
 import shutil
 import sys
 
@@ -9,7 +10,7 @@ import pytest
 from custom_law import LAW
 from mcap.writer import Writer
 
-from parallel_robot.bags.custom_code import shown_code, trust
+from parallel_robot.bags import trust
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
@@ -145,23 +146,23 @@ def test_what_cannot_be_shown_is_refused(source, why, tmp_path):
     '\t\f\x0b\x1b\x7f\x85\xa0\xad\u034f\u115f\u200b\u202e\u2028\u2066\u2800\u3164\ufe0f\uff45\U000e0041',
 )
 def test_a_character_that_hides_is_spelled(hidden):
-    shown = list(shown_code.lines(f'x = 1  # {hidden}y', 'utf-8'))
+    shown = list(trust.code_lines(f'x = 1  # {hidden}y', 'utf-8'))
     assert all(line.isprintable() for line in shown) and hidden not in ''.join(shown)
     assert '# \\' in shown[0] and shown[-1].endswith('escapes in the lines 1')
 
 
 def test_what_hides_nothing_stays():
-    assert list(shown_code.lines('x = 1  # größe 寸法 θ', 'utf-8')) == [
+    assert list(trust.code_lines('x = 1  # größe 寸法 θ', 'utf-8')) == [
         '    1 | x = 1  # größe 寸法 θ'
     ]
-    assert '\\u0430' in next(shown_code.lines('p\u0430ss', 'utf-8'))  # a Cyrillic a
-    assert '\\xf6' in next(shown_code.lines('# größe', 'ascii'))
+    assert '\\u0430' in next(trust.code_lines('p\u0430ss', 'utf-8'))  # a Cyrillic a
+    assert '\\xf6' in next(trust.code_lines('# größe', 'ascii'))
 
 
 def test_a_long_line_goes_on_in_the_next_and_a_lone_carriage_return_ends_one(monkeypatch):
     monkeypatch.setenv('COLUMNS', '100')
     code = 'x = 1 ' + 5000 * ' ' + '; last()'
-    shown = list(shown_code.lines(f'# quiet\rhidden()\r\n{code}', 'utf-8'))
+    shown = list(trust.code_lines(f'# quiet\rhidden()\r\n{code}', 'utf-8'))
     assert shown[:2] == ['    1 | # quiet\\r', '    2 | hidden()']
     assert ''.join(line[8:] for line in shown[2:-1]) == code
     assert max(map(len, shown)) == 100
@@ -190,9 +191,7 @@ def test_a_module_beside_the_bag_is_not_imported(line, kind, tmp_path, monkeypat
     with pytest.raises(BagError, match=f'mine.py imports beside from {tmp_path}/beside'):
         allowed(line.encode(), tmp_path)
     allowed(b'import math, numpy, parallel_robot_model', tmp_path)
-    assert (
-        str(tmp_path) not in sys.path and trust.near_modules.os.environ['PYTHONPATH'] == '/other'
-    )
+    assert str(tmp_path) not in sys.path and os.environ['PYTHONPATH'] == '/other'
 
 
 def test_of_two_files_of_one_name_none_is_used(tmp_path):

@@ -14,13 +14,12 @@ import numpy as np
 
 from parallel_robot.analysis import evaluated_bag, recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
-from parallel_robot.bags.custom_code import held_code
-from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.provenance.experiment import UNKNOWN_LAW
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, stretches
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot.live import readable_state
 from parallel_robot.live.bag_windows import AHEAD, BagWindows, Torques
 from parallel_robot.live.frames import Camera, Motion
@@ -271,7 +270,7 @@ def open_bag(
     if not past.facts and values['law'] == UNKNOWN_LAW:  # the robot is shown, whatever moved it
         law = past.statuses[0].law if past.statuses else ''
         values['law'] = law if law in available(values['custom_laws']) else default('law')
-    held_code.check(bag, values)
+    check_held_code(bag, values)
     return BagSource(log, past, configure(values), clock, windows)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import output
-from parallel_robot.bags.custom_code.trust import add_trust_argument
+from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot_model.common.errors import InputError, StoppedError

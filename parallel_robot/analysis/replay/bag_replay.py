@@ -17,8 +17,6 @@ from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags.custom_code import held_code
-from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.provenance import arithmetic
 from parallel_robot.bags.provenance.history import History
@@ -27,6 +25,7 @@ from parallel_robot.bags.run import recording, run_log
 from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
@@ -327,7 +326,7 @@ def prepared(
             raise BagError(
                 f'{bag} does not {what}; --law tries one, --set custom_laws=[FILE] adds one'
             )
-        held_code.check(bag, values, addable=True)
+        check_held_code(bag, values, addable=True)
         yield Prepared(bag, log, past, values, bool(changes), (view.start, view.stop), rest)
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags.custom_code import held_code
-from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.provenance import arithmetic
 from parallel_robot.bags.provenance.experiment import OF_RUN, SIMULATION, software
@@ -20,6 +18,7 @@ from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.run import bag_difference, gathered_run
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot_control.configuration import available, configure, load, resolve
 from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.common.tables import Part, ShownResult
@@ -186,7 +185,7 @@ def prepared(
     with tempfile.TemporaryDirectory() as directory:
         files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
         values = log.config | files
-        held_code.check(bag, values)
+        check_held_code(bag, values)
         own = load(values).defaults(values)
         values = own | values  # a recorder started by hand has no gains
         if values['law'] not in available(values['custom_laws']):

@@ -12,10 +12,10 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags.custom_code.custom_sources import named
 from parallel_robot.bags.limits import is_name
 from parallel_robot.bags.provenance import arithmetic
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.trust import named_files
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config import PACKAGE
@@ -214,7 +214,7 @@ def _of_nodes(values: Mapping[str, Any], nodes: Mapping[str, Mapping[str, Any]])
     for name, common in OWNERS.items():
         for node, found in nodes.items():
             if node.rpartition('/')[2] == name:
-                custom = {Path(file).stem for _, file in named(found)}
+                custom = {Path(file).stem for _, file in named_files(found)}
                 if found.get('robot_model') in custom:
                     custom |= OF_ROBOT
                 merged |= {

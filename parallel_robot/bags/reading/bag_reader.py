@@ -12,7 +12,7 @@ import numpy as np
 import zstandard
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags import trust
 from parallel_robot.bags.files import bag_kinds
 from parallel_robot.bags.files.bag_files import METADATA, custom_data, files, open_file
 from parallel_robot.bags.files.mcap_chunks import HEAD, MESSAGE_HEAD, Block, unpacked_payload
@@ -95,7 +95,7 @@ def read(
     notes: dict[str, list[dict[str, str]]] = {}
     channels: dict[str, str] = {}
     encodings: dict[str, str] = {}
-    sources: dict[str, dict[str, bytes]] = {key: {} for key in custom_sources.KINDS}
+    sources: dict[str, dict[str, bytes]] = {key: {} for key in trust.KINDS}
     doubled: set[tuple[str, str]] = set()
     damage: list[Damage] = []
     understood = False
@@ -134,7 +134,7 @@ def read(
                 budget.hold(sum(len(text) for pair in record.metadata.items() for text in pair))
                 notes.setdefault(record.name, []).append(record.metadata)
             elif isinstance(record, Attachment) and len(record.data) <= SOURCE:
-                named = custom_sources.parse(record.name)
+                named = trust.parse_attachment(record.name)
                 if named:
                     key, name = named
                     budget.hold(len(record.data))

@@ -9,12 +9,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from parallel_robot.bags.custom_code.trust import custom_files
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.trust import custom_files
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import Topic

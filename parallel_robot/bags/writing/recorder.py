@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags import trust
 from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
 from parallel_robot.bags.messages.message_types import Channel, channel_of
 from parallel_robot.bags.provenance.experiment import describe, software
@@ -102,7 +102,7 @@ class Recorder:
         self._writer: BagWriter | None = None
         self._thread = threading.Thread(target=self._write, name='bag', daemon=True)
         software()  # looked up now, not at the start of the motion
-        for file in custom_sources.named(values):
+        for file in trust.named_files(values):
             self._attach(*file)
 
     def open(self, start_stamp: int = 0) -> None:
@@ -151,7 +151,7 @@ class Recorder:
         self._note(PARAMETERS, {node: plain_data.dump(parameters)})
         troubles = []
         owns = node.endswith(('/trajectory', '/controller'))
-        for key, path in custom_sources.named(parameters) if owns else ():
+        for key, path in trust.named_files(parameters) if owns else ():
             try:
                 self._attach(key, path)
             except InputError as error:
@@ -174,7 +174,7 @@ class Recorder:
         Raises:
             InputError: it cannot be read.
         """
-        name, source = custom_sources.attachment(key, path)
+        name, source = trust.attachment(key, path)
         if self._sources.get(name) != source:
             self._sources[name] = source
             self._notes.put(lambda writer: writer.attach(name, source))

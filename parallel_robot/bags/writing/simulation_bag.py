@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags.custom_code import custom_sources
+from parallel_robot.bags import trust
 from parallel_robot.bags.files.bag_files import Certificate
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.output import Progress
@@ -71,7 +71,7 @@ def write(directory: str | Path, values: Mapping[str, Any], parts: Iterable[Simu
     loop, robot = part.experiment.loop, part.experiment.trajectory.robot
     suite, count = topics.recorded(robot.place > 0), (loop.last_index or 0) + 1
     facts = describe(loop, values, loop.step_start, SIMULATION)
-    sources = [custom_sources.attachment(*file) for file in custom_sources.named(values)]
+    sources = [trust.attachment(*file) for file in trust.named_files(values)]
     with BagWriter(directory, suite, facts) as writer, Progress(count, 'states written') as shown:
         for name, source in sources:
             writer.attach(name, source)

@@ -23,9 +23,9 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags import output
-from parallel_robot.bags.custom_code.trust import add_trust_argument
 from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import stretches
+from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.result_format import add_format_argument, show

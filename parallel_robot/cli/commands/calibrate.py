@@ -8,7 +8,7 @@ from pathlib import Path
 
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
-from parallel_robot.bags.custom_code.trust import add_trust_argument
+from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
