@@ -14,7 +14,7 @@ from bags import full_disk, motion_of
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
 from parallel_robot.analysis.report import figures, runs
-from parallel_robot.bags.provenance.experiment import software
+from parallel_robot.bags.experiment import software
 from parallel_robot.bags.run import bag_difference, recording
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.cli.command_line import COMMANDS, main, module_of

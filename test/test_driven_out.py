@@ -9,8 +9,8 @@ from bags import MS
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from test_replay import START, live
 
+from parallel_robot.bags.experiment import describe
 from parallel_robot.bags.output import Progress
-from parallel_robot.bags.provenance.experiment import describe
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main

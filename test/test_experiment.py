@@ -7,8 +7,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
+from parallel_robot.bags import experiment
 from parallel_robot.bags.limits import NAME
-from parallel_robot.bags.provenance import experiment
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError

@@ -11,9 +11,9 @@ from mcap.reader import make_reader
 from test_replay import live, switch
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags import limits
+from parallel_robot.bags import experiment, limits
 from parallel_robot.bags.files.bag_files import MISSING
-from parallel_robot.bags.provenance import arithmetic, history
+from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import bag_difference, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.recorder import Recorder
@@ -207,11 +207,11 @@ def test_a_bag_of_another_version_and_a_difference(tmp_path, capsys, monkeypatch
 
 def test_a_bag_of_another_processor_says_so_and_how_much_it_differs(tmp_path, capsys, monkeypatch):
     bag = simulated(tmp_path / 'bag', '--set', 's_fotsmc.G=11')
-    monkeypatch.setattr(arithmetic.platform, 'machine', lambda: 'another')
+    monkeypatch.setattr(experiment.platform, 'machine', lambda: 'another')
     assert main(['rerun', str(bag)]) == 0
     err = capsys.readouterr().err
     assert err.startswith('warning: the bag is of another kind of processor (')
-    old = arithmetic.doubt({'arithmetic': '85b3d972-3ebf942f', 'processor': 'theirs'})
+    old = experiment.arithmetic_doubt({'arithmetic': '85b3d972-3ebf942f', 'processor': 'theirs'})
     assert old.startswith('the bag was computed with the libm of its machine') and 'theirs' in old
     other = simulated(tmp_path / 'other')
     capsys.readouterr()

@@ -76,7 +76,7 @@ def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
         prog='parallel_robot', description='Sliding-mode control of a 3-RRR parallel robot.'
     )
     if '--version' in words:
-        from parallel_robot.bags.provenance.experiment import software  # slow to import
+        from parallel_robot.bags.experiment import software  # slow to import
 
         facts = software()
         revision = f', revision {facts["revision"]}' if 'revision' in facts else ''

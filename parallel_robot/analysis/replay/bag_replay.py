@@ -17,8 +17,8 @@ from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
+from parallel_robot.bags import experiment
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance import arithmetic
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_log
@@ -190,7 +190,7 @@ class Prepared:
         shown = np.isin(self.log.time, log.time)
         result = result._replace(torque=result.torque[shown], recorded=result.recorded[shown])
         if not self.changed and result.differing.any():
-            warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
+            warnings += tuple(filter(None, [experiment.arithmetic_doubt(self.past.facts)]))
         return BagReplay(log, self.law, result, self.changed, warnings)
 
     def add_up(self) -> ReplayFigures:
@@ -223,7 +223,7 @@ class Prepared:
             raise WholeNeededError(f'{self.bag} has no state between --from and --to')
         warnings = told.lines
         if not self.changed and found.differing:
-            warnings += tuple(filter(None, [arithmetic.doubt(self.past.facts)]))
+            warnings += tuple(filter(None, [experiment.arithmetic_doubt(self.past.facts)]))
         time, both = curves.time, curves.values
         recorded, torque = np.hsplit(both, 2)
         return ReplayFigures(

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
+from parallel_robot.bags import experiment
+from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance import arithmetic
-from parallel_robot.bags.provenance.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.run import bag_difference, gathered_run
@@ -286,7 +286,7 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     ours = [f'{key} {now[key]}' for key in MADE_BY if key in now]
     if others != ours:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
-    lines += filter(None, [arithmetic.doubt(past.facts)])
+    lines += filter(None, [experiment.arithmetic_doubt(past.facts)])
     happened = recorded_controller.events(past, configure(values))
     if happened:
         lines.append(

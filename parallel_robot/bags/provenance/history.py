@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+from parallel_robot.bags.experiment import suits
 from parallel_robot.bags.files import bag_files
 from parallel_robot.bags.files.bag_files import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot.bags.limits import is_name
-from parallel_robot.bags.provenance.experiment import suits
 from parallel_robot.bags.provenance.statuses import LIMIT_TEXT, ControllerStatus
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot_control.messages import NO_FAULT

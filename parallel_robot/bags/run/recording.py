@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags import experiment
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages import message_arrays, planned_motion
 from parallel_robot.bags.messages.message_arrays import (
@@ -21,7 +22,7 @@ from parallel_robot.bags.messages.message_arrays import (
     Span,
     whole,
 )
-from parallel_robot.bags.provenance import experiment, history, statuses
+from parallel_robot.bags.provenance import history, statuses
 from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.reading import bag_reader

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import trust
+from parallel_robot.bags.experiment import describe, software
 from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
 from parallel_robot.bags.messages.message_types import Channel, channel_of
-from parallel_robot.bags.provenance.experiment import describe, software
 from parallel_robot.bags.provenance.statuses import decoded
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.topic_stream import TopicStream

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags import trust
+from parallel_robot.bags.experiment import SIMULATION, describe
 from parallel_robot.bags.files.bag_files import Certificate
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.output import Progress
-from parallel_robot.bags.provenance.experiment import SIMULATION, describe
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.estimator import delay_text

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.described_keys import fields_of
+from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.bags.output import as_it_is
-from parallel_robot.bags.provenance.experiment import OF_RUN
 from parallel_robot.cli.commands.simulate import (
     add_law_argument,
     add_scenario_argument,

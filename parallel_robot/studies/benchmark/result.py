@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags.provenance.experiment import software
+from parallel_robot.bags.experiment import software
 from parallel_robot.studies.benchmark.competitors import Competitors
 from parallel_robot.studies.benchmark.judged_runs import TUNED, Gains, digest
 from parallel_robot.studies.benchmark.protocol import Protocol

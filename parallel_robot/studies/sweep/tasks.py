@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags.provenance.experiment import software
+from parallel_robot.bags.experiment import software
 from parallel_robot.studies.sweep.floor import calm_of, floor_of
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Outcome, failed, run_chunk

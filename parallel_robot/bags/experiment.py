@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags.limits import is_name
-from parallel_robot.bags.provenance import arithmetic
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.trust import named_files
-from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.errors import BagError, InputError, printable
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config import PACKAGE
 from parallel_robot_model.configuration.config_files import scenario_stem
@@ -25,6 +24,47 @@ from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.registry import ROBOTS
 from parallel_robot_sim.configuration import members
+
+# How this machine computes, and what is said of a bag that was computed otherwise.
+#
+# Kernels, and Python where its numbers reach a bag, use elementary functions and equations of the
+# suite's own: their bits are the same on every x86-64. Earlier versions took those of the C
+# library (libm) and of LAPACK, which choose their code by the processor.
+
+OWN = 'own functions'
+
+
+def arithmetic_fingerprint() -> str:
+    """What tells machines apart that give other last digits."""
+    return f'{OWN}, {platform.machine()}'
+
+
+def arithmetic_doubt(facts: Mapping[str, str]) -> str:
+    """What is said of a bag whose last digits may not be those of this machine; empty if they are.
+
+    Args:
+        facts: What the bag says of its experiment; an older one does not say it.
+    """
+    said = facts.get('arithmetic', arithmetic_fingerprint())
+    if said == arithmetic_fingerprint():
+        return ''
+    theirs = ', '.join(printable(facts[key]) for key in ('processor', 'platform') if key in facts)
+    here = f'{theirs}; here {processor()}, {platform.platform()}'
+    why = 'the bag is of another kind of processor'
+    if not said.startswith(OWN):
+        why = 'the bag was computed with the libm of its machine, now the functions are our own'
+    return f'{why} ({here}): last digits differ, and what follows from them'
+
+
+def processor() -> str:
+    """Name of the processor, for people."""
+    try:
+        lines = Path('/proc/cpuinfo').read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return names[0] if names else platform.machine()
+
 
 LIBRARIES = ('numpy', 'numba', 'scipy', 'mcap', 'rclpy')  # also by the names of their wheels
 UNKNOWN_LAW = 'unknown'  # of a bag that does not say which law ran
@@ -196,8 +236,8 @@ def software() -> dict[str, str]:
         'revision': _revision(Path(__file__).resolve().parents[3]),
         'python': platform.python_version(),
         'platform': platform.platform(),
-        'processor': arithmetic.processor(),
-        'arithmetic': arithmetic.fingerprint(),
+        'processor': processor(),
+        'arithmetic': arithmetic_fingerprint(),
         'libraries': ', '.join(f'{name} {number}' for name, number in libraries.items() if number),
     }
     return {name: text for name, text in facts.items() if text}
