@@ -49,7 +49,6 @@ setup(
         'parallel_robot.bags.files',
         'parallel_robot.bags.messages',
         'parallel_robot.bags.playing',
-        'parallel_robot.bags.provenance',
         'parallel_robot.bags.reading',
         'parallel_robot.bags.run',
         'parallel_robot.bags.writing',

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from parallel_robot import simulate
-from parallel_robot.bags.provenance import history
+from parallel_robot.bags import history
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.safety import faults

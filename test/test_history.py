@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from test_plain_data import DEFAULTS, PLAIN
 
+from parallel_robot.bags import history
 from parallel_robot.bags.files.bag_files import MESSAGES, Certificate
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.messages import Status, status_message

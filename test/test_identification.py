@@ -10,7 +10,7 @@ import pytest
 from assembly import simulated
 
 from parallel_robot.bags import limits
-from parallel_robot.bags.provenance.statuses import ControllerStatus
+from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.studies.identification import (
     identified,
     least_squares,

@@ -11,9 +11,8 @@ from mcap.reader import make_reader
 from test_replay import live, switch
 
 from parallel_robot.analysis.replay import bag_rerun
-from parallel_robot.bags import experiment, limits
+from parallel_robot.bags import experiment, history, limits
 from parallel_robot.bags.files.bag_files import MISSING
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import bag_difference, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.recorder import Recorder

@@ -23,8 +23,8 @@ from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import read_runs
+from parallel_robot.bags import history
 from parallel_robot.bags.files.bag_files import CHANGES
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.command_line import main

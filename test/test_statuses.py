@@ -5,7 +5,7 @@ import re
 import pytest
 from bags import START
 
-from parallel_robot.bags.provenance.statuses import ControllerStatus, decoded
+from parallel_robot.bags.history import ControllerStatus, decoded_status
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.faults import EMERGENCY_STOP
@@ -40,10 +40,10 @@ def test_each_limit_has_a_code_of_its_own():
 
 def test_a_status_is_read_as_it_was_written():
     quiet = ControllerStatus(START, 's_fotsmc', 'none', 'none', ())
-    assert decoded(status_message(START, Status('s_fotsmc', None, 0))) == quiet
+    assert decoded_status(status_message(START, Status('s_fotsmc', None, 0))) == quiet
     limits = ('torque', 'ramp')
     stopped = ControllerStatus(START, 'pid', 'emergency_stop', 'emergency stop', limits)
-    assert decoded(status_message(START, STOPPED)) == stopped
+    assert decoded_status(status_message(START, STOPPED)) == stopped
 
 
 @pytest.mark.parametrize(
@@ -51,12 +51,12 @@ def test_a_status_is_read_as_it_was_written():
     [('0.5, -1e-3, 1.5', (0.5, -1e-3, 1.5)), ('not known', ()), ('0.5, nan', ()), ('', ())],
 )
 def test_a_pose_that_was_told_is_numbers(text, pose):
-    assert decoded(status_message(START, Status('pid', None, 0, pose=text))).pose == pose
+    assert decoded_status(status_message(START, Status('pid', None, 0, pose=text))).pose == pose
 
 
 def test_codes_do_not_depend_on_the_texts():
     fault = Fault('speed', 'said in other words')
-    found = decoded(status_message(START, Status('pid', fault, 0)))
+    found = decoded_status(status_message(START, Status('pid', fault, 0)))
     assert (found.fault, found.fault_text) == fault
 
 
@@ -83,6 +83,6 @@ GOOD = {
     ],
 )
 def test_what_is_not_understood_is_left_out(values):
-    assert decoded(message(GOOD)) is not None
-    assert decoded(message(values)) is None
-    assert decoded(message(GOOD)[:40]) is None
+    assert decoded_status(message(GOOD)) is not None
+    assert decoded_status(message(values)) is None
+    assert decoded_status(message(GOOD)[:40]) is None

@@ -4,8 +4,7 @@ from parallel_robot import simulate
 from parallel_robot.analysis.evaluated_bag import of_stretches
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags.provenance.history import Change, History
-from parallel_robot.bags.provenance.statuses import ControllerStatus
+from parallel_robot.bags.history import Change, ControllerStatus, History
 from parallel_robot.bags.run import stretches
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands.analyze import of_stretch

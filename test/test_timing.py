@@ -10,8 +10,8 @@ from bags import MS, streams, write_foreign
 from test_replay import live
 
 from parallel_robot.analysis import timing
-from parallel_robot.bags.provenance import history
-from parallel_robot.bags.provenance.statuses import ControllerStatus
+from parallel_robot.bags import history
+from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli.command_line import main

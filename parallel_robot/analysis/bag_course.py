@@ -21,7 +21,7 @@ from parallel_robot.analysis.thinned import (
     thinned,
     thinned_series,
 )
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.run import recorded_robot, run_log
 from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.counts import TopicCount

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.provenance.statuses import ControllerStatus
+from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS

@@ -21,8 +21,8 @@ from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags.files.bag_files import files
+from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import LAST
-from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recorded_robot, recording, run_log, stretches
 from parallel_robot.bags.run.counts import TopicCount

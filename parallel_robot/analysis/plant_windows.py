@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags.experiment import SIMULATION
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.run.counts import TopicCount
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import nominal_of

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.plant_windows import FEW, SAME, PlantWindows
 from parallel_robot.bags.experiment import SIMULATION
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.run.run_log import RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of

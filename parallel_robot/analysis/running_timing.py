@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from parallel_robot.analysis.quantiles import Quantiles, counted
 from parallel_robot.analysis.timing import SAME_CLOCK, Timing, acting_commands
 from parallel_robot.bags.experiment import NODES
-from parallel_robot.bags.provenance.history import History, granted_priorities
+from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import command_states
 from parallel_robot.bags.run.command_states import Answers
 from parallel_robot.bags.run.run_log import RunLog

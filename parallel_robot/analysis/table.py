@@ -9,8 +9,8 @@ import numpy as np
 
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.metrics import Poses
+from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import Samples
-from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.run import command_states, recorded_robot
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog

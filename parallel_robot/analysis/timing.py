@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.bags.experiment import NODES
-from parallel_robot.bags.provenance.history import History, granted_priorities
+from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import command_states
 from parallel_robot.bags.run.command_states import Answers
 from parallel_robot.bags.run.run_log import RunLog

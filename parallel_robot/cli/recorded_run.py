@@ -10,8 +10,8 @@ from parallel_robot.analysis import evaluated_bag, readable_metrics, run_results
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.timing import Timing
+from parallel_robot.bags import history
 from parallel_robot.bags.limits import TRUSTED
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.reading.bag_view import AS_RECORDED
 from parallel_robot.bags.run import recorded_robot, run_log, stretches
 from parallel_robot.bags.run.recorded_robot import RobotCode

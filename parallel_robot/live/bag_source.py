@@ -15,7 +15,7 @@ import numpy as np
 from parallel_robot.analysis import evaluated_bag, recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.bags.experiment import UNKNOWN_LAW
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, stretches
 from parallel_robot.bags.run.run_log import RunLog

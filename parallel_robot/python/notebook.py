@@ -28,8 +28,8 @@ from parallel_robot.analysis.report import figures, palette
 from parallel_robot.analysis.report.labels import law_label
 from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.analysis.table import sliding_variable
+from parallel_robot.bags.history import LIMIT_TEXT
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance.statuses import LIMIT_TEXT
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments

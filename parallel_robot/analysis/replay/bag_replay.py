@@ -18,8 +18,8 @@ from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags import experiment
+from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_log
 from parallel_robot.bags.run.alike_lines import AlikeLines

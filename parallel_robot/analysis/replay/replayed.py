@@ -21,7 +21,7 @@ from parallel_robot.analysis.replay.recorded_controller import (
     after,
     events,
 )
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.run import run_log
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import ControlConfiguration, changed

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.run import recording, run_log
 from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recorded_robot import SECONDS

@@ -9,8 +9,8 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.provenance.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recording import Recording

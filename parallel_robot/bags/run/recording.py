@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import experiment
+from parallel_robot.bags import experiment, history
+from parallel_robot.bags.history import ControllerStatus, History, status_decoder
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages import message_arrays, planned_motion
 from parallel_robot.bags.messages.message_arrays import (
@@ -22,9 +23,6 @@ from parallel_robot.bags.messages.message_arrays import (
     Span,
     whole,
 )
-from parallel_robot.bags.provenance import history, statuses
-from parallel_robot.bags.provenance.history import History
-from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
@@ -184,7 +182,7 @@ class _Source:
         self._broken: dict[Topic, Broken] = {}
         self._decode = message_arrays.decoder(bag, {*LOG, *topics}, self._broken)
         self._others = message_arrays.decoder(bag, ())
-        self._status = statuses.decoder(bag)
+        self._status = status_decoder(bag)
         self._told: list[tuple[int, ControllerStatus]] = []
         self._names: dict[str, Topic] = {}  # of the index; in a broken bag, data may differ
         self._reader = self._indexed() if indexed else None

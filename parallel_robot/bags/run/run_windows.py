@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_log
 from parallel_robot.bags.run.recorded_robot import SECONDS

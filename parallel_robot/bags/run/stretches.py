@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from parallel_robot.bags.provenance.history import History
+from parallel_robot.bags.history import History
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import NANOSECONDS

@@ -16,8 +16,8 @@ from typing import Any
 from parallel_robot.bags import trust
 from parallel_robot.bags.experiment import describe, software
 from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
+from parallel_robot.bags.history import decoded_status
 from parallel_robot.bags.messages.message_types import Channel, channel_of
-from parallel_robot.bags.provenance.statuses import decoded
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.bags.writing.topic_stream import TopicStream
 from parallel_robot_model.common.errors import InputError, RunError
@@ -233,7 +233,7 @@ class Recorder:
 
     def _name_law(self, log_time: int, data: bytes) -> None:
         """Write the name of the law of a status, unless it is that of before."""
-        status = decoded(data)
+        status = decoded_status(data)
         self._told |= status is not None
         name = layouts.text_message(status.law) if status else self._law
         if name != self._law:

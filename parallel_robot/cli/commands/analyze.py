@@ -22,8 +22,7 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
-from parallel_robot.bags import output
-from parallel_robot.bags.provenance import history
+from parallel_robot.bags import history, output
 from parallel_robot.bags.run import stretches
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view

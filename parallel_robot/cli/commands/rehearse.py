@@ -15,9 +15,8 @@ import numpy as np
 from parallel_robot.analysis import metrics, recorded_motions, timing
 from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
-from parallel_robot.bags import output
+from parallel_robot.bags import history, output
 from parallel_robot.bags.limits import TRUSTED
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run import recorded_robot, run_log
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli import invocation

@@ -13,10 +13,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import timing
-from parallel_robot.bags import output
+from parallel_robot.bags import history, output
 from parallel_robot.bags.experiment import OF_RUN, command_line
 from parallel_robot.bags.output import Progress
-from parallel_robot.bags.provenance import history
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli import recorded_run
 from parallel_robot.cli.commands import simulate

@@ -14,7 +14,7 @@ from parallel_robot.analysis import metrics, readable_metrics
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.simulated_figures import SimulatedFigures
 from parallel_robot.bags import output
-from parallel_robot.bags.provenance.history import remark_lines
+from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import invocation
 from parallel_robot.cli.result_format import TEXT, add_format_argument, show, tell

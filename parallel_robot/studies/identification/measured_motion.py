@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.limits import KeptParts
 from parallel_robot.bags.messages.message_arrays import FIRST
-from parallel_robot.bags.provenance.statuses import ControllerStatus
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError

@@ -1,1 +1,0 @@
-"""What a bag says of the experiment that made it."""
