@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parallel_robot.bags.messages.message_arrays import Samples
-from parallel_robot.bags.run import command_states
+from parallel_robot.bags.run import matching
 
 MS = 1_000_000  # ns
 COUNT, EACH = 1003, 10  # commands, records in a message
@@ -24,7 +24,7 @@ def messages(rows=ROWS):
 def recorded(parts, torques):
     """What some messages say of commands, one a millisecond."""
     commands = Samples((), np.arange(len(torques)) * MS, np.zeros(len(torques)), {'data': torques})
-    return command_states.recorded(parts, commands)
+    return matching.recorded_answers(parts, commands)
 
 
 def test_each_command_comes_with_its_times():

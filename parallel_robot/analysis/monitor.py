@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags.run.state_references import reference_at
+from parallel_robot.bags.run.matching import reference_at
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import Field

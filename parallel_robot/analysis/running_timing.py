@@ -12,8 +12,8 @@ from parallel_robot.analysis.quantiles import Quantiles, counted
 from parallel_robot.analysis.timing import SAME_CLOCK, Timing, acting_commands
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
-from parallel_robot.bags.run import command_states
-from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run import matching
+from parallel_robot.bags.run.matching import Answers
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import group
@@ -136,9 +136,9 @@ class RunningTiming:
             silent, last = _silent(log.command, answers.torque, self._before is None)
         self._before = _Acting(int(log.stamps[-1]), log.effort[-1:], command)
         due = stamps[:-1] >= self._first
-        told = command_states.among(effort[1:], np.clip(silent, -limit, limit))
+        told = matching.among(effort[1:], np.clip(silent, -limit, limit))
         idle = due & (since == 0) & ~told
-        of_last = idle & command_states.among(effort[1:], np.clip(last, -limit, limit))
+        of_last = idle & matching.among(effort[1:], np.clip(last, -limit, limit))
         idle &= ~of_last
         age = reported_age(log.config)
         steps = stamps[1:] - age
@@ -192,7 +192,7 @@ def _silent(
     Records of the last commands of a window may be in the next one; those of its first ones in
     the one before, unless it is the `first`.
     """
-    told = np.flatnonzero(command_states.among(commands, answers))
+    told = np.flatnonzero(matching.among(commands, answers))
     begin, end = (told[0], told[-1] + 1) if told.size else (0, 0)
     inside = commands[0 if first else begin : end]
-    return inside[~command_states.among(inside, answers)], commands[end:]
+    return inside[~matching.among(inside, answers)], commands[end:]

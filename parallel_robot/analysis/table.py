@@ -11,7 +11,7 @@ from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.metrics import Poses
 from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import Samples
-from parallel_robot.bags.run import command_states, recorded_robot
+from parallel_robot.bags.run import matching, recorded_robot
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
@@ -69,7 +69,7 @@ def sliding_variable(log: RunLog, extra: Mapping[Topic, Samples]) -> np.ndarray:
     sliding = np.full(log.position.shape, np.nan)
     if SLIDING_VARIABLE in extra:
         found = extra[SLIDING_VARIABLE]
-        row = command_states.by_state(log.stamps, found.stamps)
+        row = matching.command_of_states(log.stamps, found.stamps)
         sliding[row >= 0] = found.numbers['position'][row[row >= 0]]
     return sliding
 

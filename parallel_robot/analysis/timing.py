@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
-from parallel_robot.bags.run import command_states
-from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run import matching
+from parallel_robot.bags.run.matching import Answers
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS
@@ -196,8 +196,8 @@ def _lags(log: RunLog, answers: Answers, first: int, period: int) -> tuple[NDArr
     took = (log.stamps[1:] - since)[known] - age
     lag = np.rint(took / period).astype(np.int64)
     # Of some commands, as of the last ones, the bag may not say which state they answer.
-    silent = log.command[~command_states.among(log.command, answers.torque)]
-    told = command_states.among(log.effort[1:], np.clip(silent, -limit, limit))
+    silent = log.command[~matching.among(log.command, answers.torque)]
+    told = matching.among(log.effort[1:], np.clip(silent, -limit, limit))
     return lag, int((counted & (since == 0) & ~told).sum())
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.bags.run.state_references import reference_at
+from parallel_robot.bags.run.matching import reference_at
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.units import NANOSECONDS, Array
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.bags.history import History
-from parallel_robot.bags.run.command_states import Used
+from parallel_robot.bags.run.matching import Used
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.assembly import Control, assemble
 from parallel_robot_control.batch import Batch, States, answer

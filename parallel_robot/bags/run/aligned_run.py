@@ -11,9 +11,9 @@ import numpy as np
 from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import command_states, run_messages, state_references
-from parallel_robot.bags.run.command_states import Answers, Used
+from parallel_robot.bags.run import matching, run_messages
 from parallel_robot.bags.run.counts import count
+from parallel_robot.bags.run.matching import Answers, Used
 from parallel_robot.bags.run.run_log import RunLog, rows, within
 from parallel_robot.bags.run.state_doubts import beyond, doubts, flipped, too_strong
 from parallel_robot_control.joint_states import StateRhythm
@@ -58,7 +58,7 @@ def aligned(
     used = _used(bag, states.stamps + age, max(start, int(references.stamps[0])))
     stamps, position = states.stamps[used], states.numbers['position'][used]
     effort = states.numbers['effort'][used] if 'effort' in states.numbers else None
-    desired = state_references.reference_at(
+    desired = matching.reference_at(
         stamps, references.stamps, *(references.numbers[name] for name in REFERENCE_FIELDS)
     )
     time = (stamps - start) / NANOSECONDS
@@ -77,12 +77,10 @@ def aligned(
     rhythm.look()
     if known and rhythm.doubt and not loop.lockstep:
         told.append(rhythm.doubt)
-    limit = state_references.timeout(values, references.stamps)
-    referenced = state_references.newest_age(stamps + age, references.stamps) <= limit
+    limit = matching.timeout(values, references.stamps)
+    referenced = matching.newest_age(stamps + age, references.stamps) <= limit
     if span == WHOLE and not referenced.all():
-        told.append(
-            state_references.without_reference(stamps, start, references.stamps, referenced)
-        )
+        told.append(matching.without_reference(stamps, start, references.stamps, referenced))
     warnings += [f'{bag}: {each}' for each in told]
     assumed = _assumed(values, loop.joints, known, view)
     if assumed:
@@ -159,15 +157,15 @@ def _answers(
     """Commands of the states with these stamps; see RunLog.answer, answers and used."""
     answers, sure = recorded, True
     if answers is None:
-        answers, sure = command_states.guess(states, commands, whole)
-    command = command_states.by_state(stamps, answers.states)
+        answers, sure = matching.match_by_time(states, commands, whole)
+    command = matching.command_of_states(stamps, answers.states)
     answer = answers.torque[command]
     answer[command < 0] = np.nan
     if recorded is None:
         return answer, answers if sure else None, None
     known = np.where(command < 0, 0, answers.references[command])
     acts = np.where(known > 0, answers.acts[command], stamps)
-    return answer, answers, command_states.used(stamps, acts, known, references)
+    return answer, answers, matching.used_references(stamps, acts, known, references)
 
 
 def _commanded(answer: np.ndarray) -> np.ndarray:

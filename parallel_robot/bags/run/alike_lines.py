@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from parallel_robot.bags.run import state_references
+from parallel_robot.bags.run import matching
 from parallel_robot.bags.run.run_log import RunLog
 
 NUMBER = re.compile(r'\d+(\.\d+)?(e[+-]?\d+)?')
@@ -48,7 +48,7 @@ class AlikeLines:
     def count(self, bag: Path, log: RunLog) -> None:
         """Count the states of a window that have no reference of their time."""
         known = log.referenced.all() or not np.isfinite(log.reference_position).any()
-        if known or any(state_references.NO_REFERENCE in line for line in log.warnings):
+        if known or any(matching.NO_REFERENCE in line for line in log.warnings):
             return
         if not self._unreferenced:
             self._bag, self._since = bag, float(log.time[np.argmin(log.referenced)])
@@ -62,6 +62,6 @@ class AlikeLines:
             for kind in self._kinds.values()
         ]
         if self._unreferenced:
-            text = state_references.unreferenced(self._unreferenced, self._since)
+            text = matching.unreferenced(self._unreferenced, self._since)
             found.append(f'{self._bag}: {text}')
         return tuple(found)

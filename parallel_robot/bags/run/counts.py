@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
-from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run.matching import Answers
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import SLOW, TELEMETRY, Topic
 

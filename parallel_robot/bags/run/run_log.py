@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.run.command_states import Answers, Used
 from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot.bags.run.matching import Answers, Used
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import JointUnits

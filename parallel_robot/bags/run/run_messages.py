@@ -11,8 +11,8 @@ import numpy as np
 from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.reading.bag_reader import Bag
-from parallel_robot.bags.run import command_states
-from parallel_robot.bags.run.command_states import Answers
+from parallel_robot.bags.run import matching
+from parallel_robot.bags.run.matching import Answers
 from parallel_robot.bags.run.run_topics import NEEDED, wanted
 from parallel_robot.bags.run.state_doubts import LEAP, leaping
 from parallel_robot_model.common.errors import BagError
@@ -91,7 +91,7 @@ def of(
     if 'effort' not in states.numbers:
         what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
         warnings.append(f'{bag}: {what}: torques are those commanded')
-    recorded = command_states.recorded(streams.get(topics.ANSWERED, []), commands)
+    recorded = matching.recorded_answers(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     return RunMessages(states, references, commands, recorded, streams, warnings)
 
