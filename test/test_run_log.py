@@ -12,7 +12,7 @@ from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_
 from mcap.writer import Writer
 
 from parallel_robot.analysis import metrics
-from parallel_robot.bags.run import recording, run_log, state_doubts
+from parallel_robot.bags.run import recording, run_log, run_messages
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, KinematicsError
@@ -63,7 +63,7 @@ def test_joints_that_look_like_degrees_are_told(record):
     assert any(
         f'a joint reaches {far:.4g} rad' in text and 'degrees?' in text for text in log.warnings
     )
-    assert not state_doubts.beyond(degrees, JointUnits((True,) * 3))
+    assert not run_messages.beyond(degrees, JointUnits((True,) * 3))
     with pytest.raises(KinematicsError, match=r'turns: joint_states are in radians; degrees\?'):
         metrics.poses(log._replace(reference_position=np.array([[82.2, 188.1, -30.7]])))
 

@@ -27,7 +27,7 @@ from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.indexed_reader import SLACK, BagReader, Window, windows
-from parallel_robot.bags.run import motion_alone, run_log, run_topics
+from parallel_robot.bags.run import motion_alone, run_log, run_messages
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import BagError, WholeNeededError
@@ -207,7 +207,7 @@ class _Source:
         log = motion_alone.cleared(log, absent)
         there = {topic: parts for topic, parts in known.items() if topic not in absent}
         lacking = [
-            f'{self._bag} has no messages on {run_topics.wanted(topic, there, self.found)}'
+            f'{self._bag} has no messages on {run_messages.wanted(topic, there, self.found)}'
             for topic in absent
         ]
         left = [
@@ -321,7 +321,7 @@ class _Source:
         self, streams: Mapping[str, Sequence[Sequence[Samples]]]
     ) -> tuple[dict[Topic, list[Samples]], tuple[Topic, ...]]:
         """Messages by topic, and the topics in whose place others stand, see motion_alone."""
-        known = run_topics.streams_of(self._bag, streams, self._view)
+        known = run_messages.streams_of(self._bag, streams, self._view)
         if not self._motion_only:
             return known, ()
         return motion_alone.filled(known, lambda: self._settings[1].joints)
@@ -335,7 +335,7 @@ class _Source:
         """What must be there, of topics that are there."""
         return {
             topic
-            for topic in run_topics.NEEDED
+            for topic in run_messages.NEEDED
             if topic == JOINT_STATES or topic in there or not self._motion_only
         }
 

@@ -2,24 +2,226 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import itertools
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.reading.bag_reader import Bag
+from parallel_robot.bags.reading.bag_view import AS_RECORDED, INSTEAD, BagView
 from parallel_robot.bags.run import matching
 from parallel_robot.bags.run.matching import Answers
-from parallel_robot.bags.run.run_topics import NEEDED, wanted
-from parallel_robot.bags.run.state_doubts import LEAP, leaping
-from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.common.units import JointUnits
+from parallel_robot_model.common.errors import BagError, printable
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits, beyond_a_turn
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.messages import topics
-from parallel_robot_model.messages.topics import Topic
+from parallel_robot_model.messages.topics import RECORDED, Topic
+
+# Which topics of a bag are those of a run, and what is said of one that is not there.
+
+FEW = 5  # topics of a bag that are named
+NEEDED = (topics.JOINT_STATES, topics.REFERENCE, topics.COMMANDS)
+
+
+def streams_of(
+    bag: Path,
+    found: Mapping[str, Sequence[Sequence[Samples]]],
+    view: BagView = AS_RECORDED,
+) -> dict[Topic, list[Samples]]:
+    """Streams of the suite's topics, all in one namespace but for those that were chosen.
+
+    Args:
+        bag: The bag, for error messages.
+        found: Messages by full name of the topic.
+        view: Which topics take the place of others, and which namespace is wanted.
+
+    Raises:
+        BagError: those of several robots are there, or none of the one that is wanted.
+    """
+    spaces: list[str] = []
+    for topic in NEEDED:  # the first that is there says where the others are
+        end = f'/{topic.name}'
+        spaces = [name.removesuffix(end) for name in found if name.endswith(end)]
+        if spaces and topic.name not in view.topics:
+            break
+    if view.namespace is not None and spaces and view.namespace not in spaces:
+        there = ', '.join(space or '/' for space in sorted(spaces))
+        raise BagError(f'{bag} has nothing in --namespace {view.namespace or "/"}, but in {there}')
+    if view.namespace is None and len(spaces) > 1 and '' not in spaces:
+        there = ', '.join(sorted(spaces))
+        raise BagError(f'{bag} holds several runs, in {there}; --namespace chooses one')
+    space = '' if '' in spaces or not spaces else spaces[0]
+    space = space if view.namespace is None else view.namespace
+    names = {topic: view.topics.get(topic.name, f'{space}/{topic.name}') for topic in RECORDED}
+    streams = {topic: found.get(name, []) for topic, name in names.items()}
+    return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
+
+
+def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
+    """A topic that a bag lacks, its type, what may be meant instead, and the option that says so.
+
+    Args:
+        topic: The topic.
+        known: The topics that the bag has.
+        found: What was read of it.
+    """
+    channels = found.channels
+    kinds = {kind.replace('/msg/', '/') for kind in (topic.type, *INSTEAD.get(topic, ()))}
+    taken = {other.name for other in known}
+    others = [
+        (name, other)
+        for name, other in channels.items()
+        if (other.replace('/msg/', '/') in kinds or name.endswith(f'/{topic.name}'))
+        and name.lstrip('/') not in taken
+    ]
+    what = f'{topic.name} ({topic.type})'
+    if not others:
+        names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
+        names += f' and {len(channels) - FEW} others' if len(channels) > FEW else ''
+        needless = '; analyze, export and identify need none' if topic == topics.REFERENCE else ''
+        return (
+            f'{what}, nor on another topic of that type; it has {names or "no topics"}{needless}'
+        )
+    shown = ', '.join(
+        f'{printable(name, 60)} ({printable(other, 60)})'
+        if name not in found.encodings
+        else f'{printable(name, 60)} ({printable(other, 60)} as {found.encodings[name]:.20})'
+        for name, other in others[:FEW]
+    )
+    alike = [name for name, other in others if other in (topic.type, *INSTEAD.get(topic, ()))]
+    strange = any(name in found.encodings for name, _ in others)
+    alike = [name for name in alike if name not in found.encodings]
+    if not alike:
+        help_text = '; only messages as cdr, of ROS 2, are read' if strange else ''
+        return f'{what}; it has {shown}{help_text}'
+    word = topic.name.rpartition('/')[2]
+    return f'{what}; it has {shown}: --topic {word}={printable(alike[0], 60)} takes it'
+
+
+# Doubts about recorded states: several recordings taken for one, other units or signs.
+
+GAP = 1.0  # s without states, in which a robot is not recorded
+LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
+BACK = 0.1  # of a leap, by which its ends may differ
+FLIPPED = 0.1  # of an error, below which that with the other sign tells of a wrong sign
+LEAST = 1e-3  # rad or m, of such an error
+ROUNDING = 1e-6  # of a limit, by which efforts may be beyond it
+
+
+def doubts(
+    bag: Path, stamps: np.ndarray, position: np.ndarray, units: JointUnits = HINGES
+) -> list[str]:
+    """What makes recorded states look like those of more than one run, one line each.
+
+    Args:
+        bag: The bag.
+        stamps: Of the states [ns], shape (N,).
+        position: Actuated joints [rad], shape (N, n).
+        units: Those of the joints.
+    """
+    found = []
+    steps = np.diff(stamps) / NANOSECONDS
+    if len(steps) and steps.max() > GAP:
+        names = [path.name for path in files(bag)]
+        count = int((steps > GAP).sum())
+        where = 'one place' if count == 1 else f'{count} places'
+        what = f'no states for {steps.max():.4g} s' + (f', in {where}' if count > 1 else '')
+        if len(names) > 1:
+            what += f': several recordings, in {", ".join(names)}? figures are of all together; '
+            what += 'give one file for its own, or a part of them by --from and --to'
+        found.append(what)
+    leaps = int(leaping(position).sum())
+    if leaps:
+        what = f'{leaps} states leap by more than {LEAP:g} {units.of("rad")} and back'
+        found.append(f'{what}: two publishers that contradict each other?')
+    back = np.diff(stamps) < 0
+    if back.any():
+        what = f'the stamps of states go back by up to {-steps.min():.3g} s'
+        found.append(f'{what}: a clock was set, or there are several runs')
+    return found
+
+
+def beyond(position: np.ndarray, units: JointUnits = HINGES) -> list[str]:
+    """That joints go beyond a whole turn, a line, if they do.
+
+    Args:
+        position: Actuated joints [rad], shape (N, n).
+        units: Those of the joints.
+    """
+    far = beyond_a_turn(position, units)
+    return [f'a joint reaches {far}'] if far else []
+
+
+def flipped(
+    joints: Sequence[str], position: np.ndarray, reference: np.ndarray, units: JointUnits = HINGES
+) -> list[str]:
+    """Which joints are where their references are but for the sign, one line each.
+
+    Args:
+        joints: Names of the joints.
+        position: Their positions [rad], shape (N, n).
+        reference: Desired positions [rad], NaN where there is none, shape (N, n).
+        units: Those of the joints.
+    """
+    known = np.isfinite(reference).all(axis=1)
+    if not known.any():
+        return []
+    error, other = (
+        np.sqrt(np.mean((reference[known] - sign * position[known]) ** 2, axis=0))
+        for sign in (1.0, -1.0)
+    )
+    return [
+        f'{joint} has an error of {error[k]:.3g} {units.one(k).of("rad")} rms, '
+        f'with the other sign {other[k]:.2g}: is its sign wrong?'
+        for k, joint in enumerate(joints)
+        if error[k] > LEAST and other[k] < FLIPPED * error[k]
+    ]
+
+
+def too_strong(effort: np.ndarray, limit: np.ndarray, units: JointUnits = HINGES) -> list[str]:
+    """That efforts are beyond what the motors can give, a line, if they are.
+
+    Args:
+        effort: Of the joints [N m], shape (N, n).
+        limit: Of the motors [N m], shape (n,) or ().
+        units: Those of the joints.
+    """
+    if limit.size not in (1, effort.shape[1]):
+        return []
+    excess = (np.abs(effort) - (1.0 + ROUNDING) * limit).max(axis=0, initial=-np.inf)
+    k = int(np.argmax(excess))
+    if not excess[k] > 0.0:
+        return []
+    unit, most = units.one(k).of('N m'), float(np.abs(effort[:, k]).max())
+    own = float(np.broadcast_to(limit, effort.shape[1])[k])
+    what = f'efforts reach {most:.4g} {unit}, more than plant.torque_limit, {own:g} {unit}'
+    return [f'{what}: are they in {unit}?']
+
+
+def leaping(position: np.ndarray) -> np.ndarray:
+    """Which states lie far beside both their neighbours, which agree, shape (N,).
+
+    None where the motion is so fast, or so coarse, that its steps are near to leaps. The first and
+    the last state have one neighbour; they are told by it where there are others.
+    """
+    found = np.zeros(len(position), bool)
+    steps = np.abs(np.diff(position, axis=0))
+    if len(steps) < 2 or np.median(steps) > BACK * LEAP:
+        return found
+    least = np.minimum(steps[:-1], steps[1:])
+    leap = (least > LEAP) & (np.abs(position[2:] - position[:-2]) < BACK * least)
+    found[1:-1] = leap.any(axis=1)
+    if found.any():
+        for end, near, inner in ((0, 0, 1), (-1, -1, -2)):
+            alone = (steps[near] > LEAP) & (steps[inner] < BACK * LEAP)
+            found[end] = alone.any()
+    return found
+
 
 FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 
