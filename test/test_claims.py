@@ -9,7 +9,7 @@ import pytest
 from parallel_robot.analysis import claims, readable_metrics
 from parallel_robot.analysis.metrics import Errors, Metrics, Torque, Transient
 from parallel_robot.analysis.readable_metrics import shown
-from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot.bags.run.run_log import TopicCount
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.configuration import config
 

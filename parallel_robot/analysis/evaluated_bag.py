@@ -25,10 +25,9 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import LAST
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recorded_robot, recording, run_log, stretches
-from parallel_robot.bags.run.counts import TopicCount
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog, TopicCount
 from parallel_robot.bags.run.stretches import Stretch
 from parallel_robot_model.common.errors import (
     BagError,

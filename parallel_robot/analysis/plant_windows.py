@@ -10,8 +10,7 @@ import numpy as np
 
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
-from parallel_robot.bags.run.counts import TopicCount
-from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog, TopicCount
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS

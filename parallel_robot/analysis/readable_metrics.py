@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from parallel_robot.analysis.metrics import BELOW, SEEN, Metrics, Value, of_seen, of_true
-from parallel_robot.bags.run.counts import TopicCount
+from parallel_robot.bags.run.run_log import TopicCount
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.common.units import JointUnits
 

@@ -12,9 +12,8 @@ from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
 from parallel_robot.bags.reading.bag_reader import Bag
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import matching, run_messages
-from parallel_robot.bags.run.counts import count
 from parallel_robot.bags.run.matching import Answers, Used
-from parallel_robot.bags.run.run_log import RunLog, rows, within
+from parallel_robot.bags.run.run_log import RunLog, count, rows, within
 from parallel_robot.bags.run.run_messages import beyond, doubts, flipped, too_strong
 from parallel_robot_control.joint_states import StateRhythm
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
