@@ -5,7 +5,7 @@ from parallel_robot.analysis.evaluated_bag import of_stretches
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags.history import Change, ControllerStatus, History
-from parallel_robot.bags.run import stretches
+from parallel_robot.bags.run import run_windows
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands.analyze import of_stretch
 from parallel_robot_model.common.units import NANOSECONDS
@@ -26,13 +26,13 @@ def past_of(statuses=(), changes=()):
 
 
 def found(past, law='pid'):
-    return stretches.stretches(past, law, START, START + 12 * NANOSECONDS)
+    return run_windows.stretches(past, law, START, START + 12 * NANOSECONDS)
 
 
 def test_a_run_without_changes_is_one_stretch():
     assert found(past_of()) == [(0.0, 'pid', '')]
     again = past_of([status(0.0, 'pid'), status(3.0, 'pid')], [(1.0, '/recorder', {'pid.P': 1.0})])
-    assert found(again) == [(0.0, 'pid', '')] and not stretches.told(found(again))
+    assert found(again) == [(0.0, 'pid', '')] and not run_windows.stretches_told(found(again))
     motion = past_of((), [(2.0, '/controller', {'trajectory.shape': 'hold'})])
     assert len(found(motion)) == 1
 
@@ -48,14 +48,14 @@ def test_laws_and_gains_that_change_are_told_with_their_times():
     assert [(one.begin, one.law) for one in parts] == [
         (0.0, 'pid'), (4.0, 'smc'), (6.0, 'smc'), (8.0, 'pid'),
     ]  # fmt: skip
-    assert stretches.laws(parts) == ('pid', 'smc')
-    (line,) = stretches.told(parts)
+    assert run_windows.laws_of(parts) == ('pid', 'smc')
+    (line,) = run_windows.stretches_told(parts)
     assert 't = 4.000 s: law smc; t = 6.000 s: smc.G 9.0; t = 8.000 s: law pid, pid.P 2.0' in line
 
 
 def test_each_stretch_has_its_own_figures():
     run = simulate('paper_circle', law='pid', duration=0.4)
-    parts = [stretches.Stretch(0.0, 'pid'), stretches.Stretch(0.2, 'smc', 'law smc')]
+    parts = [run_windows.Stretch(0.0, 'pid'), run_windows.Stretch(0.2, 'smc', 'law smc')]
     lines = [*map(of_stretch, of_stretches(of_simulation(run.simulation), parts))]
     assert lines[0].startswith('0 to 0.199 s, pid: end-effector error, rms')
     assert lines[1].startswith('0.2 to 0.4 s, smc: ')

@@ -12,7 +12,7 @@ from parallel_robot.bags.files import bag_files, mcap_records
 from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader
-from parallel_robot.bags.run import bag_difference, gathered_run, recording
+from parallel_robot.bags.run import bag_difference, recording, run_windows
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError
@@ -266,8 +266,8 @@ def test_a_part_of_a_bag_of_others_has_the_same_windows(part, bag, messages, tmp
 
 
 def test_the_end_of_a_run_is_known_without_its_states(bag, monkeypatch):
-    monkeypatch.setattr(gathered_run, 'SECONDS', WIDTH)
-    log, past, count = gathered_run.ends(bag)
+    monkeypatch.setattr(run_windows, 'SECONDS', WIDTH)
+    log, past, count = run_windows.run_end(bag)
     whole = recording.read(bag)
     assert count == len(whole.log.stamps) and log.stamps[-1] == whole.log.stamps[-1]
     assert len(log.stamps) <= DURATION / WIDTH + 1.0 and past == whole.history

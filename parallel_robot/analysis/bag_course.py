@@ -23,9 +23,9 @@ from parallel_robot.analysis.thinned import (
 )
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run import recorded_robot, run_log
-from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import TopicCount
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.motions import Motion

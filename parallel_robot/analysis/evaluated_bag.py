@@ -24,11 +24,11 @@ from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import LAST
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import recorded_robot, recording, run_log, stretches
+from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog, TopicCount
-from parallel_robot.bags.run.stretches import Stretch
+from parallel_robot.bags.run.run_windows import Stretch
 from parallel_robot_model.common.errors import (
     BagError,
     InputError,
@@ -178,7 +178,7 @@ def of_whole(
     log = motions.log
     if motions.cut:
         warn(motions.cut)
-    parts, best = stretches.of_run(past, log), motions.motions.best
+    parts, best = run_windows.stretches_of_run(past, log), motions.motions.best
     return EvaluatedBag(
         log,
         past,
@@ -293,7 +293,7 @@ class _LongBag:
         begin, end = course.followed
         window = whole.found.window._replace(run_s=end - begin)
         log, config = course.log, self._config
-        known = stretches.stretches(self._past, self._law, self._start, course.last)
+        known = run_windows.stretches(self._past, self._law, self._start, course.last)
         figures = [
             PartFigures(one, job.found, job.last)
             for one, job in zip(known, parts, strict=False)
@@ -381,7 +381,7 @@ class _LongBag:
     def _jobs(self) -> tuple[_Job, list[_Job]]:
         """The figures of all of it, and of its stretches."""
         period = loop_of(self._config).period
-        parts = stretches.stretches(self._past, self._law, self._start, LAST)
+        parts = run_windows.stretches(self._past, self._law, self._start, LAST)
         begins = [one.begin for one in parts]
         ends = [*begins[1:], math.inf]
         jobs = [

@@ -10,8 +10,8 @@ from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
-from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.writing.recovery import copy
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_sim.motions import differs

@@ -13,7 +13,7 @@ from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import history
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.reading.bag_view import AS_RECORDED
-from parallel_robot.bags.run import recorded_robot, run_log, stretches
+from parallel_robot.bags.run import recorded_robot, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length
@@ -61,14 +61,14 @@ def lines(made: Made) -> list[str]:
     if made.failure:
         return [f'{log.scenario}, {log.law}: no figures of a run that was {made.failure}']
     found = made.evaluated()
-    laws = ', then '.join(stretches.laws(found.parts))
+    laws = ', then '.join(run_windows.laws_of(found.parts))
     head = readable_metrics.head(log.scenario, laws, found.metrics, length(log.config))
     told = [head, *readable_metrics.brief(found.metrics, log.messages)]
     return [*told, *_remarks(found)]
 
 
 def _remarks(found: EvaluatedBag) -> list[str]:
-    return [f'  {text}' for text in (*found.remarks, *stretches.told(found.parts))]
+    return [f'  {text}' for text in (*found.remarks, *run_windows.stretches_told(found.parts))]
 
 
 def tables(made: Made) -> tuple[list[Part], dict[str, Any]]:
@@ -80,6 +80,6 @@ def tables(made: Made) -> tuple[list[Part], dict[str, Any]]:
         return [*verdict, *lines(made)], names | told
     found = made.evaluated()
     data = run_results.summarise(made.log, found.metrics, made.timed)
-    data['law'] = ', then '.join(stretches.laws(found.parts))
+    data['law'] = ', then '.join(run_windows.laws_of(found.parts))
     parts = run_results.tables(data, found.metrics, length(made.log.config))
     return [*verdict, *parts, *_remarks(found)], data

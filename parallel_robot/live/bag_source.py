@@ -17,7 +17,7 @@ from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.bags.experiment import UNKNOWN_LAW
 from parallel_robot.bags.history import History
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import recording, stretches
+from parallel_robot.bags.run import recording, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot.live import readable_state
@@ -76,7 +76,7 @@ class BagSource:
         last = int(log.stamps[-1])
         if windows is not None:
             self._first, self._duration, last = windows.first, windows.last, windows.last_stamp
-        parts = stretches.stretches(past, log.law, log.start_stamp, last)
+        parts = run_windows.stretches(past, log.law, log.start_stamp, last)
         self._changes = [[one.begin, printable(one.change)] for one in parts[1:]]
         self._starts = np.array([status.stamp for status in past.statuses], dtype=np.int64)
         self._speed, self._playing = 1.0, True

@@ -22,9 +22,9 @@ from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_log
-from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS

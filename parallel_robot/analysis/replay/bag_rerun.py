@@ -16,7 +16,7 @@ from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.reading import bag_reader
-from parallel_robot.bags.run import bag_difference, gathered_run
+from parallel_robot.bags.run import bag_difference, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files
 from parallel_robot_control.configuration import available, configure, load, resolve
@@ -130,7 +130,7 @@ class Experiment:
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            until = common_end(log, gathered_run.ends(out, memory)[0])
+            until = common_end(log, run_windows.run_end(out, memory)[0])
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
@@ -170,7 +170,7 @@ def prepared(
     """
     bag = Path(os.path.realpath(bag))
     try:
-        log, past, states = gathered_run.ends(bag, memory)
+        log, past, states = run_windows.run_end(bag, memory)
     except BagError:
         if not bag_reader.read(bag, (), lambda *_: None, memory).metadata:
             raise BagError(NO_EXPERIMENT.format(bag)) from None

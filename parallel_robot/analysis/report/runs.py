@@ -19,7 +19,7 @@ from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.run import run_log, stretches
+from parallel_robot.bags.run import run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_control import law_loader
 from parallel_robot_control.messages import NO_FAULT
@@ -118,7 +118,7 @@ def _robot(log: run_log.RunLog) -> str:
 
 def _run(bag: Path, name: str, style: str, found: EvaluatedBag) -> Run:
     log, result, parts = found.log, found.metrics, found.parts
-    laws = stretches.laws(parts)
+    laws = run_windows.laws_of(parts)
     if len(laws) > 1:  # it is no run of its first law
         name = ', then '.join(map(law_label, laws))
         log = log._replace(law=', then '.join(laws))
@@ -136,7 +136,12 @@ def _run(bag: Path, name: str, style: str, found: EvaluatedBag) -> Run:
         found.cross_coupling,
         found.timing,
         found.cut,
-        [*filter(None, [ended]), *unsettled(result), *found.remarks, *stretches.told(parts)],
+        [
+            *filter(None, [ended]),
+            *unsettled(result),
+            *found.remarks,
+            *run_windows.stretches_told(parts),
+        ],
         any(status.fault != NO_FAULT for status in found.past.statuses),
         tuple(one.begin for one in parts[1:]),
     )

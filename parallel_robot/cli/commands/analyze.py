@@ -23,7 +23,7 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
 from parallel_robot.bags import history, output
-from parallel_robot.bags.run import stretches
+from parallel_robot.bags.run import run_windows
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -71,7 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
     log, past, timed, found = run.log, run.past, run.timing, run.metrics
     failure = '' if found.window.asked else history.failure(past, log.start_stamp, run.last)
     result = run_results.summarise(log, found, timed, failure)
-    result['law'] = ', then '.join(stretches.laws(run.parts))
+    result['law'] = ', then '.join(run_windows.laws_of(run.parts))
     foreign = log.foreign and not arguments.figure
     kept = not arguments.figure and os.path.lexists(figure)
     try:
@@ -87,7 +87,11 @@ def execute(arguments: argparse.Namespace) -> int:
     quiet = ['no limit acted, no fault'] if past.statuses and not run.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)
-    remarks += [*run.remarks, *stretches.told(run.parts), *map(of_stretch, run.figures)]
+    remarks += [
+        *run.remarks,
+        *run_windows.stretches_told(run.parts),
+        *map(of_stretch, run.figures),
+    ]
     verdict = timing.verdict(timed)
     printed: list[Part] = [verdict] if verdict else []
     printed += run_results.tables(result, found, length(log.config))

@@ -12,9 +12,9 @@ from parallel_robot.analysis import table, table_file, viewer_copy
 from parallel_robot.analysis.viewer_copy import ViewerCopy
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recorded_robot
-from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.bags.run.recording import Recording
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given

@@ -16,10 +16,10 @@ from parallel_robot.bags.reading import pose_topics
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.pose_topics import StampedPoses
 from parallel_robot.bags.run import recorded_robot, recording, run_log
-from parallel_robot.bags.run.alike_lines import AlikeLines
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import (
     least_squares,
     parameter_file,
