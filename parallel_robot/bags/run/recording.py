@@ -27,12 +27,73 @@ from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.reading.indexed_reader import SLACK, BagReader, Window, windows
-from parallel_robot.bags.run import motion_alone, run_log, run_messages
+from parallel_robot.bags.run import run_log, run_messages
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.messages.topics import JOINT_STATES, RECORDED, REFERENCE, STATUS, Topic
+from parallel_robot_model.messages.topics import (
+    COMMANDS,
+    JOINT_STATES,
+    RECORDED,
+    REFERENCE,
+    STATUS,
+    Topic,
+)
+
+# Bags in which joints alone were recorded, without references or commands.
+#
+# Who looks at the motion alone needs neither. Samples that stand in for what is not there let the
+# bag be read as every other, and are taken out again.
+
+
+def with_absent_topics(
+    streams: Mapping[Topic, list[Samples]], joints: Callable[[], tuple[str, ...]]
+) -> tuple[dict[Topic, list[Samples]], tuple[Topic, ...]]:
+    """Streams of a bag with samples in place of references and commands that are not there.
+
+    Args:
+        streams: Those of the bag.
+        joints: Tells the names of the joints, where they are needed.
+
+    Returns:
+        The streams, and the topics that are not there.
+    """
+    absent = tuple(topic for topic in (REFERENCE, COMMANDS) if topic not in streams)
+    found, states = dict(streams), streams.get(JOINT_STATES, [])
+    if absent and states:
+        size = len(joints())
+        found |= {topic: [_instead(topic, part, size) for part in states] for topic in absent}
+    return found, absent
+
+
+def without_absent_topics(log: RunLog, absent: Collection[Topic]) -> RunLog:
+    """A run without what stood in for topics that are not there."""
+    messages = dict(log.messages)
+    for topic in absent:
+        messages.pop(topic.name, None)
+    log = log._replace(messages=messages)
+    if REFERENCE in absent:
+        none = np.full_like(log.position, np.nan)
+        log = log._replace(
+            reference_position=none,
+            reference_velocity=none,
+            reference_acceleration=none,
+            referenced=np.zeros(len(log.stamps), bool),
+        )
+    return log._replace(command=log.command[:0]) if COMMANDS in absent else log
+
+
+def _instead(topic: Topic, states: Samples, size: int) -> Samples:
+    """Samples as if each state had one of a topic, for so many joints."""
+    position = states.numbers['position']
+    if topic == REFERENCE:
+        zero = np.zeros_like(position)
+        numbers = {'position': position, 'velocity': zero, 'acceleration': zero}
+        return Samples(states.joints, states.log_times, states.stamps, numbers)
+    data = {'data': np.full((len(position), size), np.nan)}
+    return Samples((), states.log_times, np.zeros_like(states.stamps), data)
+
 
 AROUND = 0.2  # s of messages before and after a window that are read with it
 TRIES = 1, 30, None  # margins before a window [SLACK] from where on it is looked for
@@ -204,7 +265,7 @@ class _Source:
         """The recording of some messages; the last one tells the damage of the bag."""
         known, absent = self._known(streams)
         log = aligned(self._bag, self.found, known, self._settings, self._view, span)
-        log = motion_alone.cleared(log, absent)
+        log = without_absent_topics(log, absent)
         there = {topic: parts for topic, parts in known.items() if topic not in absent}
         lacking = [
             f'{self._bag} has no messages on {run_messages.wanted(topic, there, self.found)}'
@@ -324,7 +385,7 @@ class _Source:
         known = run_messages.streams_of(self._bag, streams, self._view)
         if not self._motion_only:
             return known, ()
-        return motion_alone.filled(known, lambda: self._settings[1].joints)
+        return with_absent_topics(known, lambda: self._settings[1].joints)
 
     def _meant(self, kinds: Mapping[str, str]) -> dict[str, Topic]:
         """Topics of the suite by their names in the bag, of types by name."""
