@@ -6,7 +6,7 @@ import time
 import pytest
 from bags import MS
 
-from parallel_robot.bags.playing.player import Player, PlayerOptions
+from parallel_robot.bags.player import Player, PlayerOptions
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import InputError
