@@ -68,7 +68,7 @@ def play(node: Node, executor: EventsExecutor, bag: Path, *words: str) -> list[R
 
     subscriptions = [listen(topic) for topic in PLAYED]
     client = node.create_client(Trigger, 'player/resume')
-    module = 'parallel_robot.bags.playing.player_node'
+    module = 'parallel_robot.bags.player_node'
     process = subprocess.Popen(
         command(module, str(bag), '--pause', '--topics', *NAMES, *words), stderr=subprocess.DEVNULL
     )

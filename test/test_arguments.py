@@ -18,7 +18,7 @@ pytest_plugins = ['ros_fixtures']
 ROOT = Path(__file__).parents[1]
 NODES = {
     **MODULES,
-    'player': 'parallel_robot.bags.playing.player_node',
+    'player': 'parallel_robot.bags.player_node',
     'monitor': 'parallel_robot.analysis.monitor_node',
 }
 

@@ -27,7 +27,7 @@ GROWTH = 20e6  # bytes
 NODES = {
     **{name: MODULES[name] for name in ('trajectory', 'plant', 'controller', 'recorder')},
     'monitor': 'parallel_robot.analysis.monitor_node',
-    'player': 'parallel_robot.bags.playing.player_node',
+    'player': 'parallel_robot.bags.player_node',
 }
 KEYS = [
     'use_sim_times', 'use_sim_time', 'qos_overrides', 'qos_overrides./x', 'granted.x',

@@ -18,7 +18,7 @@ from rclpy.parameter import (
 
 from parallel_robot.analysis.monitor_node import MonitorNode
 from parallel_robot.bags.player import PlayerOptions
-from parallel_robot.bags.playing.player_node import PlayerNode
+from parallel_robot.bags.player_node import PlayerNode
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.recorder_node import RecorderNode
 from parallel_robot_control.controller_node import ControllerNode

@@ -17,7 +17,7 @@ from parallel_robot_model.messages import layouts, topics
 
 pytest_plugins = ['ros_fixtures']
 
-PLAYER = 'parallel_robot.bags.playing.player_node'
+PLAYER = 'parallel_robot.bags.player_node'
 
 
 @pytest.fixture(scope='module')

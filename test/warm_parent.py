@@ -28,7 +28,7 @@ from trajectory_gen.configuration import motions_of, trajectory_of
 
 ROOT = Path(__file__).parents[1]
 
-for one in (*MODULES.values(), 'parallel_robot.bags.playing.player_node'):
+for one in (*MODULES.values(), 'parallel_robot.bags.player_node'):
     importlib.import_module(one)
 _values = config.resolve('paper_circle')
 Controller(configure(_values))

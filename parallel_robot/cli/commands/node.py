@@ -11,7 +11,7 @@ from parallel_robot_model.processes.node_processes import MODULES
 
 NODES = {
     **MODULES,
-    'player': 'parallel_robot.bags.playing.player_node',
+    'player': 'parallel_robot.bags.player_node',
     'monitor': 'parallel_robot.analysis.monitor_node',
 }
 

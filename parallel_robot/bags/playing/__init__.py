@@ -1,1 +1,0 @@
-"""Bags played; the player node."""
