@@ -17,10 +17,9 @@ from rosbags.rosbag2 import Reader
 from parallel_robot.bags.files.bag_files import open_file
 from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import Damage, scan
-from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.writing import bag_writer
-from parallel_robot.bags.writing.bag_writer import BagWriter
+from parallel_robot.bags.writing.bag_writer import BagWriter, RecordFile
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_control.safety.faults import FAULTS, SPEED
 from parallel_robot_model.common.errors import BagError

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import threading
 import time
@@ -18,11 +19,60 @@ from mcap.writer import Writer
 
 from parallel_robot.bags import output
 from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Certificate
-from parallel_robot.bags.files.record_file import RecordFile
 from parallel_robot.bags.messages import message_rows
 from parallel_robot.bags.messages.message_types import Channel, channel_of, profiles_of
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.processes.ending_signals import ending_signals
+
+# A file that always ends with its last whole record, also when the disk becomes full.
+
+
+class RecordFile:
+    """A file for mcap's writer: each write reaches the operating system whole or not at all.
+
+    Attributes:
+        written_at: Time of the last write on the monotonic clock [s].
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._file = path.open('xb', buffering=0)
+        self._end = 0
+        self.written_at = time.monotonic()
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file is closed."""
+        return self._file.closed
+
+    def write(self, data: bytes) -> int:
+        """Append; at an error, take back what was written of `data` and close.
+
+        Raises:
+            OSError: the disk is full or gone.
+        """
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            with self._file, contextlib.suppress(OSError):
+                self._file.truncate(self._end)
+            raise
+        self._end += len(data)
+        self.written_at = time.monotonic()
+        return len(data)
+
+    def tell(self) -> int:
+        """Length of the file [bytes]."""
+        return self._end
+
+    def flush(self) -> None:
+        """Do nothing: writes are not buffered."""
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
 
 ROS_DISTRO = 'jazzy'
 CHUNK_SIZE = 255 * 1024  # bytes; the message that crosses it still goes in: up to 256 KiB
