@@ -8,7 +8,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
-from parallel_robot.bags.writing.ros_parameters import ParameterWatch
+from parallel_robot.bags.writing.ros_topics import ParameterWatch
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.ros_session import Session
 from parallel_robot_model.common.errors import InputError, RunError

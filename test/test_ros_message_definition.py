@@ -8,7 +8,7 @@ from bags import STORE
 from rosbags.typesys import get_types_from_msg
 
 from parallel_robot.bags.messages import message_types
-from parallel_robot.bags.messages.ros_message_definition import concatenate, definition
+from parallel_robot.bags.writing.ros_topics import concatenate, definition
 from parallel_robot_model.common.errors import InputError
 
 

@@ -11,9 +11,9 @@ from rclpy.subscription import Subscription
 
 from parallel_robot.bags import output
 from parallel_robot.bags.writing.recorder import Recorder
-from parallel_robot.bags.writing.ros_parameters import ParameterWatch
 from parallel_robot.bags.writing.ros_topics import (
     Discovery,
+    ParameterWatch,
     RecorderParameters,
     full_name,
     listen_all,

@@ -3,19 +3,96 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
+from rcl_interfaces.msg import ParameterEvent
+from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from parallel_robot.bags.messages.message_types import Channel, channel, qos_profile
-from parallel_robot.bags.messages.ros_message_definition import definition
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import Field
+from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages.topics import DEPTH, RECORDED, Topic
-from parallel_robot_model.nodes.connections import listen, message_class, qos_of
+from parallel_robot_model.nodes.connections import listen, message_class, prefixes, qos_of
+
+# Definitions of message types as bags hold them: from rosbags, or from installed files.
+
+SEPARATOR = '\n' + '=' * 80 + '\nMSG: {}\n'
+BUILT_IN = (
+    *('bool', 'byte', 'char', 'string', 'wstring', 'float32', 'float64'),
+    *(f'{sign}int{bits}' for sign in ('', 'u') for bits in (8, 16, 32, 64)),
+)
+
+
+def definition(type_name: str) -> str:
+    """Definition of a type and of all types in it.
+
+    Args:
+        type_name: ROS type, e.g. ``'std_msgs/msg/String'``.
+
+    Raises:
+        InputError: no such type is installed as a .msg file.
+    """
+    from rosbags.typesys import Stores, get_typestore  # slow to import
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if type_name in store.types:
+        return store.generate_msgdef(type_name, ros_version=2)[0]
+    return concatenate(type_name, prefixes())
+
+
+def concatenate(type_name: str, places: Sequence[Path]) -> str:
+    """Join the .msg files of a type and of the types in it, each once.
+
+    Args:
+        type_name: ROS type.
+        places: Where packages are installed; the first that has a file wins.
+
+    Raises:
+        InputError: a .msg file is missing.
+    """
+    texts: dict[str, str] = {}
+    open_types = [type_name]
+    while open_types:
+        name = open_types.pop(0)
+        if name not in texts:
+            texts[name] = _read(name, places)
+            open_types += _parts(name, texts[name])
+    first, *others = texts
+    return texts[first] + ''.join(
+        SEPARATOR.format(name.replace('/msg/', '/')) + texts[name] for name in others
+    )
+
+
+def _read(type_name: str, places: Sequence[Path]) -> str:
+    package, _, name = type_name.partition('/msg/')
+    for prefix in places:
+        path = prefix / 'share' / package / 'msg' / f'{name}.msg'
+        if name and path.is_file():
+            return path.read_text()
+    raise InputError(f'{type_name} is not installed as a .msg file')
+
+
+def _parts(type_name: str, text: str) -> list[str]:
+    """Types of the fields that are messages; rosbags' parser refuses wide strings and CRLF."""
+    found = []
+    for line in text.splitlines():
+        words = line.partition('#')[0].split()
+        kind = words[0].partition('[')[0].partition('<=')[0] if words else ''
+        if kind and kind not in BUILT_IN:
+            package, _, name = kind.rpartition('/')
+            package = package.removesuffix('/msg') or type_name.partition('/')[0]
+            found.append(f'{package}/msg/{name}')
+    return found
 
 
 class RecorderParameters(NamedTuple):
@@ -129,3 +206,90 @@ def _profile(qos: QoSProfile) -> dict[str, Any]:
         reliable=qos.reliability != ReliabilityPolicy.BEST_EFFORT,
         latched=qos.durability == DurabilityPolicy.TRANSIENT_LOCAL,
     )
+
+
+# Parameters of other nodes: their first values and every later change.
+
+Tell = Callable[[str, dict[str, Any]], None]  # full name of a node, its parameters
+OTHERS = ('use_sim_time', 'start_stamp')  # these change at the start of a run
+UNKNOWN = '_NODE_NAME_UNKNOWN_'  # what rclpy calls a node of which only a topic is known so far
+ANSWER_TIMEOUT = 5.0  # s, how long to wait for the answer of a node
+
+
+class ParameterWatch:
+    """Asks each node for its parameters once, and listens for changes."""
+
+    def __init__(self, node: Node, found: Tell, changed: Tell) -> None:
+        """Listen.
+
+        Args:
+            node: The node that asks.
+            found: Called with all parameters of a node that was asked.
+            changed: Called with the new values of parameters that were changed.
+        """
+        self._node = node
+        self._found = found
+        self._changed = changed
+        itself = node.get_fully_qualified_name()
+        self._seen: dict[str, float] = {itself: 0.0}  # s, when first seen
+        self._present: set[str] = set()
+        self._asked, self._answered = {itself}, {itself}
+        self._clients: dict[str, tuple[Any, Any]] = {}
+        node.create_subscription(ParameterEvent, '/parameter_events', self._on_event, DEPTH)
+
+    def ask(self, names: Iterable[str]) -> None:
+        """Ask the nodes among `names`, full names of all that are present, that were not asked."""
+        self._present = set(names)
+        for name in self._present:
+            self._seen.setdefault(name, time.monotonic())
+            if name in self._asked or UNKNOWN in name:
+                continue
+            if name not in self._clients:
+                self._clients[name] = (
+                    self._node.create_client(ListParameters, f'{name}/list_parameters'),
+                    self._node.create_client(GetParameters, f'{name}/get_parameters'),
+                )
+            if all(client.service_is_ready() for client in self._clients[name]):
+                self._asked.add(name)
+                future = self._clients[name][0].call_async(ListParameters.Request())
+                future.add_done_callback(partial(self._on_names, name))
+
+    def missing(self) -> list[str]:
+        """Nodes that are present but have not answered yet."""
+        now = time.monotonic()
+        return [
+            name
+            for name in sorted(self._present - self._answered)
+            if now - self._seen[name] < ANSWER_TIMEOUT
+        ]
+
+    def _on_names(self, node: str, future: Future) -> None:
+        names = list(future.result().result.names)
+        answer = self._clients[node][1].call_async(GetParameters.Request(names=names))
+        answer.add_done_callback(partial(self._on_values, node, names))
+
+    def _on_values(self, node: str, names: list[str], future: Future) -> None:
+        values = map(_plain, future.result().values)
+        self._answered.add(node)
+        self._found(node, dict(zip(names, values, strict=False)))
+
+    def _on_event(self, event: ParameterEvent) -> None:
+        if event.node not in self._seen:  # of another robot, say: all nodes share the topic
+            return
+        values = {
+            parameter.name: _plain(parameter.value) for parameter in event.changed_parameters
+        }
+        values |= {
+            new.name: _plain(new.value) for new in event.new_parameters if new.name == MOTION
+        }
+        values = {key: value for key, value in values.items() if key not in OTHERS}
+        if values:
+            self._changed(event.node, values)
+
+
+def _plain(value: Any) -> Any:
+    """A parameter value as plain data."""
+    plain = parameter_value_to_python(value)
+    if isinstance(plain, (bool, int, float, str, type(None))):
+        return plain
+    return [item.hex() if isinstance(item, bytes) else item for item in plain]
