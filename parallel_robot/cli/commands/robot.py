@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.machine.facts import facts_of
-from parallel_robot.analysis.machine.readable import readable
+from parallel_robot.analysis.machine import facts_of, readable
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import JSON, add_format_argument, show
@@ -60,7 +59,7 @@ def execute(arguments: argparse.Namespace) -> int:
         facts = facts_of(robot_of(values), position, velocity)
     files = []
     if arguments.plot:
-        from parallel_robot.analysis.machine.picture import draw  # it takes long to load
+        from parallel_robot.analysis.machine import draw  # it takes long to load
 
         draw(facts, arguments.plot)
         files.append(f'picture {arguments.plot}')

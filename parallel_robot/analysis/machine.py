@@ -1,22 +1,29 @@
-"""What was read of a machine's description, and its equations of motion at a state."""
+"""What was read of a machine: its facts, as text, and as a picture."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Sequence, Sized
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError
+from parallel_robot.analysis.report.space_views import VIEWS
+from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms import closing, dynamics, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Mechanism
+from parallel_robot_model.mechanisms.skeleton import drawn
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.described.parameters import FAULTS
 from parallel_robot_model.robots.described.robot import DescribedRobot
 from parallel_robot_model.robots.registry import RobotModel
+
+# What was read of a machine's description, and its equations of motion at a state.
 
 
 class State(NamedTuple):
@@ -156,3 +163,114 @@ def facts_of(
     shares = here[0] / home[0], here[1] / home[1]
     state = State(q, rate, M, Q, gravity, pose, work.all.copy(), closure, shares)
     return Facts(robot.name, machine, value, module.coordinates(robot.parameters), state)
+
+
+# What was read of a machine, as lines and tables.
+
+
+def _several(things: Sized) -> str:
+    """The s of a plural."""
+    return '' if len(things) == 1 else 's'
+
+
+def readable(facts: Facts) -> list[Part]:
+    """A machine and its state for people."""
+    machine, state = facts.machine, facts.state
+    counts = f'{len(machine.actuated)} actuated, {len(machine.passive)} passive'
+    held = f', {len(machine.held)} held' if machine.held else ''
+    pose = ', '.join(
+        f'{axis.name} {round(float(value), 12) + 0.0:.6g} {axis.unit}'
+        for axis, value in zip(facts.axes, state.pose, strict=True)
+    )
+    parts: list[Part] = [
+        f'{facts.name}: {len(machine.names)} joint{_several(machine.names)}, {counts}{held}; '
+        f'{len(machine.actuated)} freedom{_several(machine.actuated)}',
+        Table(('joint', 'after', 'kind', '', 'mass [kg]'), _tree(facts), 'llllr'),
+        'actuated joints, and what M and gravity are at this state',
+        Table(HEAD, _actuated(facts), 'llr'),
+        f'tool {printable(machine.tool)}: {pose}',
+        f'loops closed to {state.closure:.1e} m; margins of closure and tool '
+        f'{state.margins[0]:.3g} and {state.margins[1]:.3g} of those at home',
+    ]
+    if machine.held:
+        parts.append(f'held at home: {", ".join(map(printable, machine.held))}')
+    return [*parts, *(f'note: {printable(doubt)}' for doubt in machine.doubts)]
+
+
+HEAD = (
+    'joint', 'unit', 'at', 'lower', 'upper', 'effort', 'speed', 'viscous', 'dry', 'M', 'gravity',
+)  # fmt: skip
+
+
+def _tree(facts: Facts) -> list[list[str]]:
+    return [
+        [
+            printable(row['name']),
+            printable(row['parent'] or 'base'),
+            row['kind'],
+            row['role'],
+            f'{row["mass"]:.4g}',
+        ]
+        for row in facts.tree()
+    ]
+
+
+def _actuated(facts: Facts) -> list[list[str]]:
+    machine, state = facts.machine, facts.state
+    columns = (
+        state.position,
+        machine.lower,
+        machine.upper,
+        machine.effort,
+        machine.velocity,
+        machine.viscous,
+        machine.coulomb,
+        state.M.diagonal(),
+        state.gravity,
+    )
+    return [
+        [printable(name), unit, *(_number(column[k]) for column in columns)]
+        for k, (name, unit) in enumerate(zip(machine.actuated, machine.units, strict=True))
+    ]
+
+
+def _number(value: float) -> str:
+    return f'{value + 0.0:.4g}' if math.isfinite(value) else 'none'
+
+
+# A machine drawn in three views and in space.
+
+
+def draw(facts: Facts, file: Path) -> None:
+    """Draw a machine at its state.
+
+    Args:
+        facts: The machine.
+        file: Picture that is written.
+    """
+    from matplotlib.figure import Figure  # it takes long to load
+
+    ends = drawn(facts.mechanism, facts.state.joints[np.newaxis])[0]
+    figure = Figure(figsize=(9, 8), layout='constrained')
+    figure.suptitle(facts.name)
+    for k, (across, up, shown) in enumerate(VIEWS):
+        axes = figure.add_subplot(2, 2, k + 1)
+        axes.set_aspect('equal', 'datalim')
+        axes.set_xlabel(f'{across} [m]')
+        axes.set_ylabel(f'{up} [m]')
+        _add(axes, ends[..., shown], facts.state.pose, shown, facts)
+    space: Any = figure.add_subplot(2, 2, 4, projection='3d')
+    for line in ends:
+        space.plot(*line.T, color='C0', lw=1.5)
+    space.set_box_aspect(np.maximum(np.ptp(ends.reshape(-1, 3), axis=0), 1e-3))
+    figure.savefig(file, dpi=120)
+
+
+def _add(axes: Any, ends: Array, pose: Array, shown: tuple[int, int], facts: Facts) -> None:
+    for line in ends:
+        axes.plot(*line.T, color='C0', lw=1.5, marker='o', ms=2.5)
+    names = [axis.name for axis in facts.axes]
+    wanted = ['xyz'[k] for k in shown]
+    if all(name in names for name in wanted):
+        axes.plot(*(pose[names.index(name)] for name in wanted), 'x', color='C3', label='tool')
+        axes.legend(loc='best', fontsize=8)
