@@ -244,8 +244,7 @@ class TestCommand:
 
 
 def test_the_default_picture_is_that_of_the_motion(tmp_path):
-    from parallel_robot.analysis.reach.picture import figure_of
-    from parallel_robot.analysis.reach.scenery import plane_and_scenery
+    from parallel_robot.analysis.reach_picture import figure_of, plane_and_scenery
 
     made = configure(resolve('five_bar_circle'))
     plane, scenery = plane_and_scenery(made)

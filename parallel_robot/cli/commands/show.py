@@ -79,9 +79,9 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.plane and not arguments.workspace:
         raise InputError('--plane is one of --workspace FILE')
     if arguments.workspace:
-        from parallel_robot.analysis.reach import files  # slow to import
+        from parallel_robot.analysis import reach_picture  # slow to import
 
-        files.check(arguments.workspace)
+        reach_picture.check_reach_file(arguments.workspace)
     layers = given_layers(arguments)
     if arguments.law is not None:
         so_far = merged(values for _, values in layers)
@@ -100,7 +100,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.plot is not None:
         _plot(made, arguments.plot)
     if arguments.workspace:
-        text = files.write(made, arguments.plane or '', arguments.workspace)
+        text = reach_picture.write_reach(made, arguments.plane or '', arguments.workspace)
         print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)
     values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
