@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, label
 
-from parallel_robot.analysis.reach.plane import named_plane, plane_of_motion
-from parallel_robot.analysis.reach.region import region_of
+from parallel_robot.analysis.reach import named_plane, plane_of_motion, region_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError

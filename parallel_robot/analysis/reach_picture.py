@@ -9,14 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.reach.plane import (
+from parallel_robot.analysis.reach import (
     Axis,
     Plane,
+    Region,
     center_of,
     named_plane,
     plane_of_motion,
+    region_of,
 )
-from parallel_robot.analysis.reach.region import Region, region_of
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.labels import label
 from parallel_robot.analysis.report.space_views import posture
