@@ -6,12 +6,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import table, table_file, viewer_copy
+from parallel_robot.analysis import table, table_file, video_file, viewer_copy
 from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
-from parallel_robot.analysis.video import video_file
-from parallel_robot.analysis.video.video_file import RATE, Video
+from parallel_robot.analysis.video_file import RATE, Video
 from parallel_robot.bags import output
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot

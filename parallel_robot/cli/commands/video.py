@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.video import video_file
+from parallel_robot.analysis import video_file
 from parallel_robot.analysis.video.scene import MOST
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view

@@ -4,19 +4,94 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
 from numbers import Real
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
+
+import numpy as np
 
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.analysis.video import files, film
+from parallel_robot.analysis.video import film
 from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
 from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
-from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.errors import InputError, UnknownNameError, optional
+
+# Frames as a file: MP4 by PyAV, GIF by Pillow.
+
+COLOURS = 48  # of all frames of a GIF
+MOST_FRAMES = {'.mp4': 50_000, '.gif': 1500}  # frames; those of a GIF are held in memory
+QUALITY = {'crf': '20', 'preset': 'medium'}  # of H.264
+Frames = Iterable[np.ndarray]
+
+
+def encode(frames: Frames, suffix: str, rate: float, full: Frames, stream: IO[bytes]) -> None:
+    """Write a video.
+
+    Args:
+        frames: Each of type uint8, shape (height, width, 3), both even.
+        suffix: One of FORMATS.
+        rate: Frames a second [Hz].
+        full: One frame that has all their colours.
+        stream: Its file.
+
+    Raises:
+        UnknownNameError: no such format.
+        InputError: PyAV is needed and not installed.
+    """
+    check_format(suffix)
+    FORMATS[suffix](frames, rate, stream, full)
+
+
+def check_format(suffix: str) -> None:
+    """Refuse a suffix that is of no format of a video, or whose library is not installed.
+
+    Raises:
+        UnknownNameError: with the formats.
+        InputError: PyAV is needed and not installed.
+    """
+    if suffix not in FORMATS:
+        raise UnknownNameError('video format', suffix, FORMATS)
+    if suffix == '.mp4':
+        optional('av')
+
+
+def _mp4(frames: Frames, rate: float, content: IO[bytes], _: Frames) -> None:
+    av = optional('av')
+    with av.open(content, 'w', format='mp4') as container:
+        stream = container.add_stream('libx264', rate=Fraction(rate).limit_denominator(1000))
+        stream.pix_fmt = 'yuv420p'  # which every player shows
+        stream.options = QUALITY
+        for k, frame in enumerate(frames):
+            if k == 0:
+                stream.height, stream.width, _ = frame.shape
+            picture = av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format='rgb24')
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+
+
+def _gif(frames: Frames, rate: float, content: IO[bytes], full: Frames) -> None:
+    from PIL import Image  # slow to import
+
+    (last,) = map(Image.fromarray, full)
+    palette = last.quantize(COLOURS, Image.Quantize.FASTOCTREE)  # keeps white, and thin curves
+    pictures = (
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+        for frame in frames
+    )
+    first = next(pictures)
+    first.save(content, 'GIF', save_all=True, append_images=pictures, duration=1e3 / rate, loop=0)
+
+
+FORMATS: dict[str, Callable[[Frames, float, IO[bytes], Frames], None]] = {
+    '.mp4': _mp4,
+    '.gif': _gif,
+}
+
 
 RATE = 25.0  # Hz, unless told
 RATES = 1.0, 100.0  # Hz
@@ -62,7 +137,7 @@ def make(
         InputError: a value is wrong, bags are too many or no bags, or the file cannot be written.
         RunError: the disk is full.
     """
-    files.check_format(out.suffix)
+    check_format(out.suffix)
     output.check_new(out, '--out')
     _check('--rate', rate, *RATES, 'Hz')
     _check('--speed', speed, *SPEEDS)
@@ -71,13 +146,13 @@ def make(
     if len(bags) > MOST:
         raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
     runs = list(itertools.chain(*read_runs(bags, code, view).values()))
-    times = frame_times(runs, rate, speed, files.MOST[out.suffix])
+    times = frame_times(runs, rate, speed, MOST_FRAMES[out.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]
     frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
     last = film.frames(scenes, times[-1:], magnified)
     with output.growing(out) as stream:
-        files.encode(frames, out.suffix, rate, last, stream)
+        encode(frames, out.suffix, rate, last, stream)
     return Video(out, len(times), magnified)
 
 
