@@ -9,7 +9,7 @@ from parallel_robot.analysis.report.animation import postures
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.thinned import Growing, Series, joined_series, thinned_series
-from parallel_robot.analysis.video.scene import frame_times, magnification, scene
+from parallel_robot.analysis.video import frame_times, magnification, scene
 from parallel_robot.cli.command_line import main
 
 

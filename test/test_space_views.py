@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis import metrics, video
 from parallel_robot.analysis.posture import posture_of
 from parallel_robot.analysis.readable_metrics import METRICS, defined
 from parallel_robot.analysis.report import figures, space_views
@@ -22,7 +22,6 @@ from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.running_metrics import RunningMetrics, all_of_it
 from parallel_robot.analysis.thinned import Track
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.analysis.video import scene as scenes
 from parallel_robot.live.frames import HEADER, Camera
 from parallel_robot.live.frames import Motion as States
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -236,8 +235,8 @@ def test_the_page_gets_lines_in_space(hexapod, moved):
 
 def test_a_video_sees_space_from_one_place(hexapod, moved):
     run = a_run(hexapod[1], moved)
-    assert scenes.magnification([run]) == 2000.0  # 3 µm times this are 8 % of 0.1 m, or less
-    found = scenes.scene(run, np.array([0.0, 1.0]), 2000.0)
+    assert video.magnification([run]) == 2000.0  # 3 µm times this are 8 % of 0.1 m, or less
+    found = video.scene(run, np.array([0.0, 1.0]), 2000.0)
     np.testing.assert_allclose(
         found.path - found.reference,
         2000.0 * (found.actual - found.reference),

@@ -7,7 +7,7 @@ from bags import full_disk
 from PIL import Image
 
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.analysis.video.scene import frame_times, magnification, scene
+from parallel_robot.analysis.video import frame_times, magnification, scene
 from parallel_robot.cli.command_line import main
 
 BLUE = np.array([0x00, 0x44, 0x88])  # of S-FOTSMC

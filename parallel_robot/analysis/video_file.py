@@ -12,9 +12,9 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis import video
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.analysis.video import film
-from parallel_robot.analysis.video.scene import MOST, frame_times, magnification, scene
+from parallel_robot.analysis.video import MOST, frame_times, magnification, scene
 from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
@@ -149,8 +149,8 @@ def make(
     times = frame_times(runs, rate, speed, MOST_FRAMES[out.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]
-    frames = tracked(film.frames(scenes, times, magnified), len(times), 'frames')
-    last = film.frames(scenes, times[-1:], magnified)
+    frames = tracked(video.frames(scenes, times, magnified), len(times), 'frames')
+    last = video.frames(scenes, times[-1:], magnified)
     with output.growing(out) as stream:
         encode(frames, out.suffix, rate, last, stream)
     return Video(out, len(times), magnified)

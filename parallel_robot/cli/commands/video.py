@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from parallel_robot.analysis import video_file
-from parallel_robot.analysis.video.scene import MOST
+from parallel_robot.analysis.video import MOST
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given

@@ -1,1 +1,0 @@
-"""The moving robot of a bag, or of several side by side, as a video."""
