@@ -9,11 +9,11 @@ from assembly import simulated
 from bags import MS, content, write_foreign
 from test_timing import FACTS, NOTHING, N, loop
 
-from parallel_robot.analysis import evaluated_bag, plant_windows, quantiles, timing
+from parallel_robot.analysis import evaluated_bag, plant_windows, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.motion_alone import MotionAlone
-from parallel_robot.analysis.quantiles import Quantiles
 from parallel_robot.analysis.running_timing import RunningTiming
+from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.reading.bag_view import BagView
@@ -325,7 +325,7 @@ def test_percentiles_of_many_numbers(monkeypatch):
     asked = [0, 1, 50, 99, 100]
     few.add(values)
     assert np.array_equal(few.at(asked), np.percentile(values, asked))
-    monkeypatch.setattr(quantiles, 'EXACT', 100)
+    monkeypatch.setattr(timing, 'EXACT', 100)
     for part in np.array_split(values, 50):
         many.add(part)
     np.testing.assert_allclose(many.at(asked), np.percentile(values, asked), rtol=6e-4)

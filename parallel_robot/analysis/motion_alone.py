@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.quantiles import Quantiles
+from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.tables import Part, Table
 

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.analysis.quantiles import Quantiles, counted
-from parallel_robot.analysis.timing import SAME_CLOCK, Timing, acting_commands
+from parallel_robot.analysis.timing import SAME_CLOCK, Quantiles, Timing, acting_commands, counted
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import matching
