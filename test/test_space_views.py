@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from parallel_robot.analysis import metrics, video
-from parallel_robot.analysis.posture import posture_of
+from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.analysis.readable_metrics import METRICS, defined
 from parallel_robot.analysis.report import figures, space_views
 from parallel_robot.analysis.report.animation import ball, postures

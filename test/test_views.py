@@ -14,7 +14,7 @@ from bags import STORE
 from geometry import PAPER_START, legs
 from rosbags.rosbag2 import Reader
 
-from parallel_robot.analysis.posture import posture_of
+from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.registry import robot_of

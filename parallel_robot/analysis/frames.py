@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.posture import posture_of
+from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.bags.messages.message_types import channel_of
 from parallel_robot.bags.output import tracked
 from parallel_robot.bags.run.run_log import RunLog

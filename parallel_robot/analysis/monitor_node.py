@@ -8,8 +8,7 @@ import sys
 import numpy as np
 from std_msgs.msg import Float64
 
-from parallel_robot.analysis.monitor import Monitor, MonitorParameters
-from parallel_robot.analysis.posture import Posture
+from parallel_robot.analysis.monitor import Monitor, MonitorParameters, Posture
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, group, known
 from parallel_robot_model.messages import layouts, topics

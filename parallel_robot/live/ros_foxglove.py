@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from parallel_robot.analysis.posture import Posture, posture_of
+from parallel_robot.analysis.monitor import Posture, posture_of
 from parallel_robot.bags.messages.message_types import message_type
 from parallel_robot.live.graph_values import known_values, of_robot
 from parallel_robot.live.guard import OPEN, is_loopback

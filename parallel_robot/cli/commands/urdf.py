@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.posture import posture_of
+from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.bags import output
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
