@@ -12,8 +12,8 @@ from test_timing import FACTS, NOTHING, N, loop
 from parallel_robot.analysis import evaluated_bag, plant_windows, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.motion_alone import MotionAlone
-from parallel_robot.analysis.running_timing import RunningTiming
 from parallel_robot.analysis.timing import Quantiles
+from parallel_robot.analysis.windows import RunningTiming
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.reading.bag_view import BagView

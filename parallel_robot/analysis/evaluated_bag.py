@@ -12,14 +12,13 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis import cross_coupling, metrics, recorded_motions, timing
-from parallel_robot.analysis.bag_course import Course
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.motion_alone import MotionAlone
-from parallel_robot.analysis.motion_windows import MotionWindows
 from parallel_robot.analysis.plant_windows import PlantWindows
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
+from parallel_robot.analysis.windows import Course, MotionWindows
 from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import LAST
