@@ -9,7 +9,7 @@ from assembly import simulated
 from bags import MS, content, write_foreign
 from test_timing import FACTS, NOTHING, N, loop
 
-from parallel_robot.analysis import evaluated_bag, plant_windows, timing
+from parallel_robot.analysis import evaluated_bag, recorded_motions, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.timing import Quantiles
@@ -208,8 +208,8 @@ def test_a_plant_that_cannot_move_again_in_windows(lost, tmp_path, windows, monk
     noisy = simulation(tmp_path / 'noisy', **{'sensor.position_noise': 1e-6})
     found = content(next(noisy.glob('*.mcap')))
     if lost == 'another plant':
-        monkeypatch.setattr(plant_windows, 'SAME', 0.0)
-        monkeypatch.setattr(plant_windows, 'FEW', -1.0)
+        monkeypatch.setattr(recorded_motions, 'SAME', 0.0)
+        monkeypatch.setattr(recorded_motions, 'FEW', -1.0)
         path = noisy
     else:
         topic, rows = LOST[lost]

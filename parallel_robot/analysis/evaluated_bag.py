@@ -14,7 +14,7 @@ import numpy as np
 from parallel_robot.analysis import cross_coupling, metrics, recorded_motions, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.motion_alone import MotionAlone
-from parallel_robot.analysis.plant_windows import PlantWindows
+from parallel_robot.analysis.recorded_motions import PlantWindows
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing

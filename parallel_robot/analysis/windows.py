@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from parallel_robot.analysis import cross_coupling, recorded_motions
 from parallel_robot.analysis.motion_alone import MotionAlone
-from parallel_robot.analysis.plant_windows import PlantWindows
-from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, Recorded
+from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, PlantWindows, Recorded
 from parallel_robot.analysis.running_metrics import joined
 from parallel_robot.analysis.thinned import (
     Growing,
