@@ -17,7 +17,7 @@ import pytest
 from bags import content, full_disk
 from warm_process import WarmProcess
 
-from parallel_robot.analysis import cross_coupling
+from parallel_robot.analysis import run_results
 from parallel_robot.analysis.report import runs
 from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
 from parallel_robot.bags.reading import indexed_reader
@@ -178,7 +178,9 @@ def test_a_report_reads_what_analyze_reads(name, make, good, tmp_path):
         hostile_bags.put(good, tmp_path / 'bag', data=good.data[:-100])
     bag = tmp_path / 'bag' if name == 'unclosed' else make(name)
     read = [recording.read(path, (CROSS_COUPLING_ERROR,)) for path in (tmp_path / 'good', bag)]
-    found = [cross_coupling.of(log, extra[CROSS_COUPLING_ERROR]) for log, _, extra in read]
+    found = [
+        run_results.cross_coupling_of(log, extra[CROSS_COUPLING_ERROR]) for log, _, extra in read
+    ]
     assert len(found[0].time) == 7
     assert np.array_equal(found[0].time, found[1].time)
     assert np.array_equal(found[0].values, found[1].values)

@@ -11,7 +11,7 @@ from test_timing import FACTS, NOTHING, N, loop
 
 from parallel_robot.analysis import evaluated_bag, recorded_motions, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
-from parallel_robot.analysis.motion_alone import MotionAlone
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.analysis.windows import RunningTiming
 from parallel_robot.bags.files import mcap_records

@@ -7,7 +7,7 @@ import pytest
 from bags import content, full_disk
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.simulated_figures import SimulatedFigures
+from parallel_robot.analysis.run_results import SimulatedFigures
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import bag_writer, simulation_bag
 from parallel_robot.bags.writing.recovery import recover

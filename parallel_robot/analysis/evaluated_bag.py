@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import cross_coupling, metrics, recorded_motions, timing
+from parallel_robot.analysis import metrics, recorded_motions, run_results, timing
 from parallel_robot.analysis.metrics import Metrics
-from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.recorded_motions import PlantWindows
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
@@ -187,7 +187,7 @@ def of_whole(
         Track(best.time, best.poses),
         lambda times: best.rows(_rows(best, times)),
         len(best.time),
-        cross_coupling.of(log, extra.get(CROSS_COUPLING_ERROR)),
+        run_results.cross_coupling_of(log, extra.get(CROSS_COUPLING_ERROR)),
         motions.cut,
         parts,
         [*of_stretches(motions.motions, parts)],

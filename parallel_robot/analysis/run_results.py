@@ -2,13 +2,31 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from parallel_robot.analysis import metrics, timing
+from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
+from parallel_robot.analysis.reference_moves import ReferenceMoves
+from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it
+from parallel_robot.analysis.thinned import Series
+from parallel_robot.analysis.timing import Quantiles
+from parallel_robot.bags.messages.message_arrays import Samples, physical
 from parallel_robot.bags.run import run_log
+from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_sim.course import Course, undisturbed
+from parallel_robot_sim.ideal_torque import IdealTorque
+from parallel_robot_sim.motions import SimulatedMotions, Told
+from parallel_robot_sim.simulation import Simulation
+from trajectory_gen.trajectory import Reference
 
 
 def summarise(
@@ -47,3 +65,178 @@ def tables(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0)
         return [why, messages]
     lines = head(result['scenario'], result['law'], found, planned).split('\n')
     return [*lines, whole(found), messages]
+
+
+# What is known of a motion for which the bag has no reference.
+
+
+class MotionAlone:
+    """Tells what is known of a motion that comes in windows."""
+
+    def __init__(self) -> None:
+        """Nothing is known yet."""
+        self._log: RunLog | None = None
+        self._ends = math.nan, math.nan
+        self._steps = Quantiles()
+        self._count = 0
+        self._rows: dict[str, np.ndarray] = {}
+        self._measured = True, True
+
+    def add(self, log: RunLog) -> None:
+        """Take the next window."""
+        if not len(log.time):
+            return
+        time, first = log.time, self._log is None
+        self._steps.add(np.diff(time) if first else np.diff(time, prepend=self._ends[1]))
+        self._ends = float(time[0]) if first else self._ends[0], float(time[-1])
+        self._log, self._count = log, self._count + len(time)
+        speeds, torques = self._measured
+        self._measured = speeds and log.has_velocities, torques and log.has_efforts
+        rows = {
+            'low': log.position.min(axis=0),
+            'high': log.position.max(axis=0),
+            'velocity': np.sum(log.velocity**2, axis=0),
+            'torque': np.sum(log.effort**2, axis=0),
+            'largest': np.abs(log.effort).max(axis=0),
+        }
+        joined = {'low': np.minimum, 'high': np.maximum, 'largest': np.maximum}
+        self._rows = {
+            name: values if first else joined.get(name, np.add)(self._rows[name], values)
+            for name, values in rows.items()
+        }
+
+    def parts(self) -> list[Part]:
+        """Length, rate, and for each joint span, speed and torque."""
+        log, (begin, end) = self._taken, self._ends
+        head = f'{self._count} states in {end - begin:g} s, one in {1e3 * self._period:.4g} ms'
+        rows = [[name, *(f'{value:.4f}' for value in row)] for name, row in self._of().items()]
+        return [
+            f'{log.scenario}, {head}: no reference, so no errors',
+            Table(['', *log.joints], rows),
+        ]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        log, (begin, end) = self._taken, self._ends
+        joints = {
+            name: dict(zip(log.joints, map(float, row), strict=True))
+            for name, row in self._of().items()
+        }
+        return {
+            'scenario': log.scenario,
+            'states': self._count,
+            'duration_s': end - begin,
+            'period_s': self._period,
+            'joints': joints,
+        }
+
+    @property
+    def _taken(self) -> RunLog:
+        assert self._log is not None
+        return self._log
+
+    @property
+    def _period(self) -> float:
+        """Median time between two states [s]."""
+        return float(self._steps.at([50])[0]) if self._count > 1 else math.nan
+
+    def _of(self) -> dict[str, np.ndarray]:
+        """Figures of each joint by name with unit, shape (n,)."""
+        found, (speeds, torques) = self._rows, self._measured
+        units = self._taken.units
+        what = 'position' if any(units.slides) else 'angle'
+        rows = {f'lowest {what} [rad]': found['low'], f'highest {what} [rad]': found['high']}
+        if speeds:
+            rows['velocity, rms [rad/s]'] = np.sqrt(found['velocity'] / self._count)
+        if torques:
+            rows['torque, rms [N m]'] = np.sqrt(found['torque'] / self._count)
+            rows['torque, max [N m]'] = found['largest']
+        return {units.label(name): numbers for name, numbers in rows.items()}
+
+
+# Metrics of a simulation that comes in parts: of its true motion, and of what is seen of it.
+
+
+class SimulatedFigures:
+    """Those of :func:`metrics.figures` up to rounding, in memory that does not grow."""
+
+    def __init__(self) -> None:
+        """Begin before the first part."""
+        self._error: ParallelRobotError | None = None
+        self._motions: SimulatedMotions | None = None
+        self._seen = True  # so far
+
+    def add(self, part: Simulation) -> None:
+        """Take the next part; what has no metrics is told at the end."""
+        if self._error is not None:
+            return
+        try:
+            if self._motions is None:
+                configuration = part.configuration
+                self._motions = SimulatedMotions(configuration)
+                self._ideal = IdealTorque(configuration.trajectory, configuration.plant)
+                plan = _plan(part, None if self._motions.told is None else Told(configuration))
+                self._figures = RunningFigures(-math.inf, math.inf, False, plan)
+            stop = part.first + part.run.steps
+            motions = self._motions.of(part, self._ideal.between(part.first, stop))
+            self._seen &= motions.seen is not None
+            self._figures.add(motions)
+        except ParallelRobotError as error:
+            self._error = error
+
+    def result(self) -> Metrics:
+        """The metrics, when all parts are there.
+
+        Raises:
+            ParallelRobotError: why there are none.
+        """
+        if self._error is not None:
+            raise self._error
+        found, _ = self._figures.finish()
+        return found if self._seen else found._replace(seen=None)
+
+
+def _plan(part: Simulation, told: Told | None) -> Plan:
+    """Where the windows of a run are, as its desired motion says."""
+    period = part.experiment.loop.period_ns
+    whole = ReferenceMoves()
+    for first, reference, _ in _planned(part):
+        whole.add(_times(first, len(reference.position), period), reference.position)
+    end = math.inf if whole.rest is None else whole.rest
+    true, seen = ReferenceMoves(end), ReferenceMoves(end)
+    for first, reference, course in _planned(part):
+        time, wanted = _times(first, len(reference.position), period), reference.position
+        true.add(time, wanted)
+        if told is not None:
+            _, time, wanted = told.reference(course, reference, first, len(wanted))
+        seen.add(time, wanted)
+    return Plan(end, *(all_of_it(moves.rows, moves.first) for moves in (true, seen)))
+
+
+def _planned(part: Simulation) -> Iterator[tuple[int, Reference, Course]]:
+    """First sample, desired motion and course of all parts of a run, from the first part."""
+    loop, size = part.experiment.loop, len(part.reference.position)
+    yield 0, part.reference, part.course
+    for first in range(size, (loop.last_index or 0) + 1, size):
+        stop = min(first + size, (loop.last_index or 0) + 1)
+        reference = part.experiment.trajectory.sample(np.arange(first, stop) * loop.period)
+        yield first, reference, undisturbed(reference, loop.period)
+
+
+def _times(first: int, count: int, period_ns: int) -> np.ndarray:
+    """Times of samples [s], as stamps tell them."""
+    return period_ns * (first + np.arange(count)) / NANOSECONDS
+
+
+# The cross-coupling errors of a bag.
+
+
+def cross_coupling_of(log: RunLog, errors: Samples | None) -> Series | None:
+    """Cross-coupling errors of a run from t = 0 on; None when its bag has none."""
+    if errors is None:
+        return None
+    used = physical(errors) & (errors.stamps >= log.start_stamp)
+    if not used.any():
+        return None
+    time = (errors.stamps[used] - log.start_stamp) / NANOSECONDS
+    return Series(time, errors.numbers['position'][used])

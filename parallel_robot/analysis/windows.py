@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.analysis import cross_coupling, recorded_motions
-from parallel_robot.analysis.motion_alone import MotionAlone
+from parallel_robot.analysis import recorded_motions, run_results
 from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, PlantWindows, Recorded
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.running_metrics import joined
 from parallel_robot.analysis.thinned import (
     Growing,
@@ -262,7 +262,7 @@ class Course:
             & (log.time <= (math.inf if stop is None else stop))
         )
         self._inside += len(chosen)
-        errors = cross_coupling.of(log, found.extra.get(CROSS_COUPLING_ERROR))
+        errors = run_results.cross_coupling_of(log, found.extra.get(CROSS_COUPLING_ERROR))
         if errors is not None:
             self._coupling.add(errors, len(log.time) / max(self._count, 1))
         if len(chosen):

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from parallel_robot.analysis import evaluated_bag, readable_metrics, run_results, timing
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
-from parallel_robot.analysis.motion_alone import MotionAlone
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import history
 from parallel_robot.bags.limits import TRUSTED

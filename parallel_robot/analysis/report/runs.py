@@ -11,10 +11,10 @@ import numpy as np
 
 from parallel_robot.analysis import evaluated_bag, metrics
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
-from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.readable_metrics import early, unsettled
 from parallel_robot.analysis.report import palette
 from parallel_robot.analysis.report.labels import label, law_label
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags.output import tracked

@@ -12,7 +12,6 @@ from typing import Any
 
 from parallel_robot.analysis import evaluated_bag, run_results, timing
 from parallel_robot.analysis.evaluated_bag import PartFigures
-from parallel_robot.analysis.motion_alone import MotionAlone
 from parallel_robot.analysis.readable_metrics import (
     AS_SEEN,
     STEADY,
@@ -22,6 +21,7 @@ from parallel_robot.analysis.readable_metrics import (
 )
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.scale import add_scale_argument
+from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.bags import history, output
 from parallel_robot.bags.run import run_windows
 from parallel_robot.bags.trust import add_trust_argument

@@ -12,7 +12,7 @@ from typing import Any
 
 from parallel_robot.analysis import metrics, readable_metrics
 from parallel_robot.analysis.metrics import Metrics
-from parallel_robot.analysis.simulated_figures import SimulatedFigures
+from parallel_robot.analysis.run_results import SimulatedFigures
 from parallel_robot.bags import output
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
