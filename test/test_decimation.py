@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from parallel_robot.analysis.decimation import INTERVALS, Curves, envelope, extremes
+from parallel_robot.analysis.thinned import INTERVALS, Curves, envelope, extremes
 
 CURVES = arrays(float, st.integers(1, 200), elements=st.floats(-1e3, 1e3))
 

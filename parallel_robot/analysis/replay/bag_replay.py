@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.decimation import Curves
 from parallel_robot.analysis.replay import replayed, totals
 from parallel_robot.analysis.replay.replayed import Replay
 from parallel_robot.analysis.replay.totals import Totals
 from parallel_robot.analysis.report import figures
+from parallel_robot.analysis.thinned import Curves
 from parallel_robot.bags import experiment
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
