@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from parallel_robot.analysis.described_keys import fields_of
+from parallel_robot.analysis.table import fields_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config, yaml_file

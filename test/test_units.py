@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.analysis.readable_metrics import as_data, whole
+from parallel_robot.analysis.table import fields_of
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS
 from parallel_robot.studies.sweep.table import METRICS
 from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits, all_of

@@ -2,22 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import NamedTuple
+import csv
+import io
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.metrics import Poses
+from parallel_robot.analysis.monitor import MonitorParameters
+from parallel_robot.bags import output
 from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import Samples
+from parallel_robot.bags.output import tracked
 from parallel_robot.bags.run import matching, recorded_robot
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
+from parallel_robot_control.configuration import available
+from parallel_robot_model.common.errors import (
+    InputError,
+    ParallelRobotError,
+    UnknownNameError,
+    WholeNeededError,
+)
+from parallel_robot_model.configuration.fields import Field, joint_field, parameters
+from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE, Topic
-from parallel_robot_model.robots.registry import robot_of
+from parallel_robot_model.robots.registry import module_of, robot_of, units_of
+from parallel_robot_sim.configuration import members
 from parallel_robot_sim.run_columns import Columns, JointColumns, of_joints, of_poses
+from trajectory_gen.shapes import shapes
 
 NEEDED = (SLIDING_VARIABLE,)  # topics that are to be read beside the run
 
@@ -165,3 +182,106 @@ def _spread(rows: np.ndarray, where: np.ndarray) -> np.ndarray:
     whole = np.full((len(where), rows.shape[1]), np.nan)
     whole[np.flatnonzero(where)[: len(rows)]] = rows
     return whole
+
+
+# A table as a file: comma-separated values, or Apache Parquet.
+
+FORMULA = ('=', '+', '-', '@', '\t', '\r')
+TableColumns = Mapping[str, np.ndarray]
+
+
+def check_table_file(path: Path) -> None:
+    """Refuse a file of a table that exists, or whose suffix is of no format.
+
+    Raises:
+        InputError: with the reason.
+    """
+    if path.suffix not in FORMATS:
+        raise UnknownNameError('table format', path.suffix, FORMATS)
+    output.check_new(path, '--out')
+
+
+def write_table(path: Path, parts: Iterable[TableColumns]) -> None:
+    """Write a table into a file, which must not exist.
+
+    Args:
+        path: The file; it is there when all of the table is.
+        parts: Tables whose rows follow each other, at least one, all with the same columns.
+
+    Raises:
+        InputError: it cannot be written there, or pyarrow is needed and not installed.
+        RunError: the disk is full.
+    """
+    with output.growing(path) as stream:
+        FORMATS[path.suffix](parts, stream)
+
+
+def write_csv(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
+    """Write comma-separated values; numbers in their shortest form that reads back the same."""
+    text = io.TextIOWrapper(stream, newline='', write_through=True)
+    writer = csv.writer(text, lineterminator='\n')
+    first, parts = _first(parts)
+    writer.writerow(map(harmless, first))
+    rows = (row for part in parts for row in zip(*map(_numbers, part.values()), strict=True))
+    writer.writerows(tracked(rows, None, 'rows'))
+    text.detach()
+
+
+def _first(parts: Iterable[TableColumns]) -> tuple[TableColumns, Iterable[TableColumns]]:
+    """The first part, and all of them."""
+    parts = iter(parts)
+    first = next(parts)
+    return first, itertools.chain([first], parts)
+
+
+def _numbers(column: np.ndarray) -> list[Any]:
+    """The numbers of a column as Python's."""
+    found: list[Any] = column.tolist()
+    return found
+
+
+def harmless(text: str) -> str:
+    """Text for a cell, quoted if a spreadsheet would take it for a formula."""
+    return f"'{text}" if text.startswith(FORMULA) else text
+
+
+def write_parquet(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
+    """Write Apache Parquet, each part as a group of rows.
+
+    Raises:
+        InputError: pyarrow is not installed.
+    """
+    try:
+        import pyarrow  # optional
+        import pyarrow.parquet
+    except ImportError:
+        raise InputError(
+            'pyarrow is not installed; pip install pyarrow, or export to .csv'
+        ) from None
+    tables = (
+        pyarrow.table({name: np.ascontiguousarray(column) for name, column in part.items()})
+        for part in tracked(parts, None, 'parts')
+    )
+    first = next(tables)
+    with pyarrow.parquet.ParquetWriter(stream, first.schema) as writer:
+        for table in itertools.chain([first], tables):
+            writer.write_table(table)
+
+
+FORMATS: dict[str, Callable[[Iterable[TableColumns], IO[bytes]], None]] = {
+    '.csv': write_csv,
+    '.parquet': write_parquet,
+}
+
+
+# Units and meanings of the keys of a configuration.
+
+
+def fields_of(values: Mapping[str, Any]) -> dict[str, Field]:
+    """Unit and meaning of the keys of a resolved configuration; those of the recorder need ROS."""
+    loop = loop_of(values)
+    motions = shapes(loop.custom_trajectories)
+    known = members(module_of(loop), available(loop.custom_laws), motions)
+    known += [(f'monitor.{each.key}', each) for each in parameters(MonitorParameters)]
+    units = units_of(values)
+    return {key: joint_field(key, parameter, units, motions) for key, parameter in known}

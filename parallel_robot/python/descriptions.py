@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.described_keys import fields_of
 from parallel_robot.analysis.monitor import posture_of
+from parallel_robot.analysis.table import fields_of
 from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration import config

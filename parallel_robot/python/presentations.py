@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import table, table_file, video_file, viewer_copy
+from parallel_robot.analysis import table, video_file, viewer_copy
 from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
@@ -139,7 +139,7 @@ def export(
     bag = arguments.path('a bag', bag)
     file, copy = arguments.optional('out', out), arguments.optional('foxglove', foxglove)
     if file is not None:
-        table_file.check(file)
+        table.check_table_file(file)
     if copy is not None:
         output.check_directory(copy)
     code = recorded_robot.chosen(trust, custom_robots)
@@ -149,7 +149,7 @@ def export(
     if copy is not None:
         viewer_copy.write(bag, lambda: iter([recording]), copy, memory)
     if file is not None:
-        table_file.write(file, [columns])
+        table.write_table(file, [columns])
     frame: Frame = frames.DataFrame(columns)
     frame.attrs['warnings'] = warnings
     return frame

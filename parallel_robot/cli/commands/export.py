@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from parallel_robot.analysis import table, table_file, viewer_copy
+from parallel_robot.analysis import table, viewer_copy
 from parallel_robot.analysis.viewer_copy import ViewerCopy
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recorded_robot
@@ -48,7 +48,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     bag, out = arguments.bag, arguments.out
     if out:
-        table_file.check(out)
+        table.check_table_file(out)
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
@@ -95,7 +95,7 @@ class _Written:
             self.warnings.count(bag, recording.log)
             yield recording
 
-    def passed(self, parts: Iterable[table.Table]) -> Iterator[table_file.Columns]:
+    def passed(self, parts: Iterable[table.Table]) -> Iterator[table.TableColumns]:
         """Pass the parts of the table on."""
         for columns, warnings in parts:
             self.warnings.add(warnings)
@@ -106,7 +106,7 @@ class _Written:
 def _write(bag: Path, out: Path, recordings: Iterator[Recording]) -> _Written:
     """Write the table of a bag window by window."""
     written = _Written()
-    table_file.write(out, written.passed(table.parts(written.seen(bag, recordings))))
+    table.write_table(out, written.passed(table.parts(written.seen(bag, recordings))))
     return written
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.described_keys import fields_of
+from parallel_robot.analysis.table import fields_of
 from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.bags.output import as_it_is
 from parallel_robot.cli.commands.simulate import (
