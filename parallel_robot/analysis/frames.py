@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.monitor import posture_of
+from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages.message_types import channel_of
 from parallel_robot.bags.output import tracked
+from parallel_robot.bags.run import recorded_robot
+from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot_model.common.errors import KinematicsError
+from parallel_robot.bags.writing.recovery import copy
+from parallel_robot_model.common.errors import BagError, KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
 from parallel_robot_model.robots.link import frames as link_frames
 from parallel_robot_model.robots.link import in_space
-from parallel_robot_sim.motions import Left
+from parallel_robot_sim.motions import Left, differs
 
 REFERENCE = 'reference'
 PATHS = {REFERENCE: (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
@@ -183,3 +189,51 @@ class Frames:
 
     def _bytes(self, message: Any) -> bytes:
         return bytes(self._store.serialize_cdr(message, message.__msgtype__))
+
+
+# A copy of a bag, with all that viewers such as Foxglove need to draw the robot.
+
+
+class ViewerCopy(NamedTuple):
+    """A copy that was written.
+
+    Attributes:
+        path: Its directory.
+        frames: Number of frames of the robot.
+        seen: Whether they are of the joints as they are seen, not of the true ones.
+        warnings: Defects of the bag, one line each.
+    """
+
+    path: Path
+    frames: int
+    seen: bool
+    warnings: tuple[str, ...]
+
+
+def write_viewer_copy(
+    bag: Path, windows: Callable[[], Iterator[Recording]], out: Path, memory: int = MEMORY
+) -> ViewerCopy:
+    """Write the copy of a bag.
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        windows: Returns what it holds, in parts.
+        out: Directory of the copy, which must not exist.
+        memory: What may be held of the bag [bytes].
+
+    Raises:
+        BagError: its robot is not known, or the copy cannot be written.
+        WholeNeededError: the bag cannot be read in windows.
+    """
+    told, count = AlikeLines(), 0
+    for log, past, _ in windows():
+        told.take(bag, log)
+        count += len(log.stamps)
+        config, history = log.config, past
+    unknown = recorded_robot.unknown(config)
+    if unknown:
+        raise BagError(f'{bag}: {unknown}')
+    seen = not recorded_motions.of_plant(history) or differs(config)
+    frames = Frames(lambda: (found.log for found in windows()), count, seen)
+    copy(bag, out, memory, frames.write)
+    return ViewerCopy(out, frames.count, seen, told.lines)

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import table, video_file, viewer_copy
+from parallel_robot.analysis import table, video_file
+from parallel_robot.analysis.frames import write_viewer_copy
 from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.report.scale import AUTO, check
@@ -147,7 +148,7 @@ def export(
     recording = recorded_robot.read(bag, memory, code, table.NEEDED, view, motion_only=only)
     columns, warnings = table.of(recording)
     if copy is not None:
-        viewer_copy.write(bag, lambda: iter([recording]), copy, memory)
+        write_viewer_copy(bag, lambda: iter([recording]), copy, memory)
     if file is not None:
         table.write_table(file, [columns])
     frame: Frame = frames.DataFrame(columns)

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from parallel_robot.analysis import table, viewer_copy
-from parallel_robot.analysis.viewer_copy import ViewerCopy
+from parallel_robot.analysis import frames, table
+from parallel_robot.analysis.frames import ViewerCopy
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.run.recorded_robot import RobotCode
@@ -73,12 +73,12 @@ def execute(arguments: argparse.Namespace) -> int:
 def _copy(bag: Path, code: RobotCode, view: BagView, out: Path) -> ViewerCopy:
     """Write the copy of a bag for viewers, window by window where that is possible."""
     try:
-        return viewer_copy.write(
+        return frames.write_viewer_copy(
             bag, lambda: recorded_robot.chunks(bag, code=code, view=view), out
         )
     except WholeNeededError:
         whole = recorded_robot.read(bag, code=code, view=view)
-        return viewer_copy.write(bag, lambda: iter([whole]), out)
+        return frames.write_viewer_copy(bag, lambda: iter([whole]), out)
 
 
 @dataclass
