@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.analysis.replay.ghost import Ghost
 from parallel_robot.analysis.replay.recorded_controller import RecordedController
+from parallel_robot.analysis.replay.replayed import Ghost
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import changed, configure

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.replay.ghost import Ghost
+from parallel_robot.analysis.replay.replayed import Ghost
 from parallel_robot.live import readable_state
 from parallel_robot.live.frames import Camera, Motion
 from parallel_robot.live.graph_values import known_values, meant, of_robot
@@ -228,7 +228,7 @@ class GraphSource:
             raise RefusedError(f'the law {law!r} is not known here')
         wanted = {**values, 'law': law}
         process = await asyncio.create_subprocess_exec(
-            *command('parallel_robot.analysis.replay.ghost'),
+            *command('parallel_robot.analysis.replay.replayed'),
             stdin=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             preexec_fn=die_with_parent,

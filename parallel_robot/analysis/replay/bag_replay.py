@@ -12,9 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.replay import replayed, totals
-from parallel_robot.analysis.replay.replayed import Replay
-from parallel_robot.analysis.replay.totals import Totals
+from parallel_robot.analysis.replay import replayed
+from parallel_robot.analysis.replay.replayed import Replay, Totals
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.thinned import Curves
 from parallel_robot.bags import experiment
@@ -96,7 +95,7 @@ class BagReplay(ShownResult):
 
     @property
     def _totals(self) -> Totals:
-        return totals.of(self.time, self.result)
+        return replayed.totals_of(self.time, self.result)
 
     def save_figure(self, path: Path) -> None:
         """Draw both torques into a file, which must not exist.
@@ -214,7 +213,7 @@ class Prepared:
                 continue
             shown = (log.time >= first) & (log.time <= last)
             result = result._replace(torque=result.torque[shown], recorded=result.recorded[shown])
-            part = totals.of(log.time[shown], result)
+            part = replayed.totals_of(log.time[shown], result)
             found = part if found is None else found.and_then(part)
             curves.add(log.time[shown], np.hstack([result.recorded, result.torque]))
         if found is None or not found.states:

@@ -8,9 +8,14 @@ is taken to have happened at the state from which on it explains the commands.
 
 from __future__ import annotations
 
+import json
+import math
+import sys
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from parallel_robot.analysis.replay.recorded_controller import (
     HIDDEN,
@@ -24,8 +29,14 @@ from parallel_robot.analysis.replay.recorded_controller import (
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run import run_log
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_control.configuration import ControlConfiguration, changed
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_control.assembly import assemble
+from parallel_robot_control.batch import States, answer
+from parallel_robot_control.configuration import ControlConfiguration, changed, configure
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.controller_state import joining
+from parallel_robot_control.reference_buffer import RESTART
+from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
 
 SLACK = NANOSECONDS // 4  # ns, between a change and its record
 
@@ -213,3 +224,178 @@ class InParts:
             self._explained, self._slack = False, 0
             self._remembered &= common or not begins
         return k, moment
+
+
+# What came of torques that were computed again, added up over the parts of a run.
+
+
+class Totals(NamedTuple):
+    """Figures of a part of a run, or of all of it.
+
+    Attributes:
+        states: Number of states.
+        answered: How many were answered again.
+        known: How many have a recorded command.
+        differing: How many commands are not the recorded ones, bit for bit.
+        first: Time of the first of those [s]; NaN where there is none.
+        most: Largest difference of those [N m].
+        largest: Largest difference of each joint [N m], shape (n,).
+        squares: Sum of their squares [N^2 m^2], shape (n,).
+        late: How many states were answered with a reference that came late.
+        remembered: Whether it is known what law and estimator remembered at the first state.
+    """
+
+    states: int
+    answered: int
+    known: int
+    differing: int
+    first: float
+    most: float
+    largest: Array
+    squares: Array
+    late: int
+    remembered: bool
+
+    def and_then(self, after: Totals) -> Totals:
+        """The figures with those of the part that follows."""
+        return Totals(
+            self.states + after.states,
+            self.answered + after.answered,
+            self.known + after.known,
+            self.differing + after.differing,
+            after.first if math.isnan(self.first) else self.first,
+            max(self.most, after.most),
+            np.maximum(self.largest, after.largest),
+            self.squares + after.squares,
+            self.late + after.late,
+            after.remembered,
+        )
+
+    def verdict(self, said: bool, units: JointUnits = HINGES) -> list[str]:
+        """Whether the torques are the recorded commands.
+
+        Args:
+            said: Whether the bag says which states were answered.
+            units: Units of the joints.
+        """
+        lines = []
+        if self.late:
+            lines.append(f'{self.late} states were answered with a reference that came late')
+        if self.known < self.states:
+            what = 'were not answered' if said else 'have no recorded command'
+            lines.append(f'{self.states - self.known} states {what}')
+        if not self.differing:
+            return [*lines, f'identical: {self.known} commands']
+        if not self.remembered:
+            lines.append(
+                'not compared: the bag begins while the controller ran, and what law and '
+                'estimator remembered then is not in it; with an empty memory:'
+            )
+        return [
+            *lines,
+            f'{self.differing} of {self.known} commands differ, by up to {self.most:.3g} '
+            f'{units.of("N m")}, '
+            f'from t = {self.first:.3f} s on',
+        ]
+
+    def differences(self) -> dict[str, Array]:
+        """Differences to the recorded commands [N m], each shape (n,)."""
+        return {'rms': np.sqrt(self.squares / self.known), 'max': self.largest}
+
+    def table(self, joints: Sequence[str], units: JointUnits = HINGES) -> Table:
+        """Difference to the recorded commands, joint by joint."""
+        rows = self.differences().items()
+        cells = [[name, *(f'{value:.3f}' for value in values)] for name, values in rows]
+        return Table([units.label('difference of torques [N m]'), *joints], cells)
+
+
+def totals_of(time: Array, result: Replay) -> Totals:
+    """The figures of some states; `time` of them [s], shape (N,)."""
+    differing, known = np.flatnonzero(result.differing), result.known
+    difference = np.abs(result.torque - result.recorded)
+    return Totals(
+        len(time),
+        int((~np.isnan(result.torque[:, 0])).sum()),
+        int(known.sum()),
+        len(differing),
+        float(time[differing[0]]) if differing.size else math.nan,
+        float(difference[differing].max()) if differing.size else 0.0,
+        difference[known].max(axis=0, initial=0.0),
+        (difference[known] ** 2).sum(axis=0),
+        result.late,
+        result.remembered,
+    )
+
+
+# What another law would ask for on the states of a motion, computed while it goes on.
+#
+# As a program: compiles the law of the configuration that stands, as JSON, on its standard input.
+# Compilation holds up all threads of a process, and in another process it holds up nobody.
+
+
+class Ghost:
+    """A controller that sees states and references, and whose torques go nowhere."""
+
+    def __init__(self, configuration: ControlConfiguration, age: int = 0) -> None:
+        """Prepare a law; it takes over at the first state.
+
+        Args:
+            configuration: Of the controller, with the law.
+            age: Of a state when the controller gets it, as it knows it [ns].
+        """
+        self.law = configuration.loop.law
+        self._configuration, self._age = configuration, age
+        self._last: int | None = None
+        row = np.zeros((1, configuration.joints))
+        self._begin(row[0])  # and whatever is compiled is compiled now
+        stamps = np.array([configuration.loop.period_ns], dtype=np.int64)
+        self.answer(stamps, row, row, JointReference(row, row, row), row)
+        self._last = None
+
+    def _begin(self, effort: Array) -> None:
+        self._control = assemble(self._configuration)
+        self._state = joining(self._control.state, effort)
+
+    def answer(
+        self,
+        stamps: NDArray[np.int64],
+        position: Array,
+        velocity: Array,
+        references: JointReference,
+        effort: Array,
+    ) -> Array:
+        """Torques that the law asks for [N m], shape (N, n).
+
+        Args:
+            stamps: Of the next states [ns], increasing, shape (N,).
+            position: Measured angles [rad], shape (N, n).
+            velocity: Measured rates [rad/s], shape (N, n).
+            references: Desired motion when the torques act, each shape (N, n).
+            effort: Torques that acted [N m], shape (N, n); where the law begins, it takes over
+                from them.
+        """
+        if not len(stamps):
+            return np.empty_like(position)
+        loop = self._configuration.loop
+        if self._last is None or not 0 < stamps[0] - self._last < RESTART:
+            self._begin(effort[0])
+            self._last = int(stamps[0]) - loop.period_ns
+        states = States(
+            np.ascontiguousarray(position),
+            np.ascontiguousarray(velocity),
+            np.full_like(effort, np.nan),  # those of another law do not obey this one
+            np.diff(stamps, prepend=self._last) / NANOSECONDS,
+            (stamps + self._age) // loop.period_ns,
+            np.full(len(stamps), self._age / NANOSECONDS),
+        )
+        self._last = int(stamps[-1])
+        free = np.full_like(states.position, np.nan)
+        references = JointReference(*map(np.ascontiguousarray, references))
+        batch = answer(self._control.setup, references, states, free, self._state)
+        self._state = batch.state
+        torque: Array = batch.torque
+        return torque
+
+
+if __name__ == '__main__':
+    Ghost(configure(json.load(sys.stdin)))
