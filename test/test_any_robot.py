@@ -11,7 +11,7 @@ from bags import table_of
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.report import page, paper_figures, runs
 from parallel_robot.analysis.report.charts import charts
-from parallel_robot.analysis.report.palette import JOINTS, STYLES
+from parallel_robot.analysis.report.looks import JOINTS, STYLES
 from parallel_robot.analysis.report.paper_figures import draw
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main

@@ -10,7 +10,7 @@ from custom_law import LAW, RETURN
 from rig import Rig
 
 import parallel_robot as pr
-from parallel_robot.analysis.report.labels import law_label
+from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import law_loader, law_trial
 from parallel_robot_control.configuration import resolve, settings

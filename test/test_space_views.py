@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from parallel_robot.analysis import metrics, video
 from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.analysis.readable_metrics import METRICS, defined
-from parallel_robot.analysis.report import figures, space_views
+from parallel_robot.analysis.report import figures, looks
 from parallel_robot.analysis.report.animation import ball, postures
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.planned import figure_of_motion
@@ -33,7 +33,7 @@ from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import Motion, Poses
 from parallel_robot_sim.run_columns import of_poses
 
-SOURCE = Path(space_views.__file__).parent / 'templates' / 'robot.js'
+SOURCE = Path(looks.__file__).parent / 'templates' / 'robot.js'
 MACHINES = Path(__file__).parents[1] / 'config' / 'machines'
 COORDINATES = tuple(Coordinate(name, '') for name in ('x', 'y', 'z', 'rx', 'ry', 'rz'))
 GENERATOR = np.random.default_rng(5)
@@ -183,7 +183,7 @@ def test_a_picture_of_a_run_has_three_views_and_an_angle(hexapod, moved):
     run = a_run(values, moved)
     *views, distance, angle, joints, torque = figures.figure_of_run(run.log, moved).axes
     assert [axes.get_xlabel()[0] + axes.get_ylabel()[0] for axes in views] == ['xy', 'xz', 'yz']
-    for axes, (_, _, shown) in zip(views, space_views.VIEWS, strict=True):
+    for axes, (_, _, shown) in zip(views, looks.VIEWS, strict=True):
         lines = {line.get_label(): line for line in axes.lines}
         path = 1e3 * moved.poses.actual[:, shown]
         np.testing.assert_array_equal(lines['end effector'].get_xydata(), path)
@@ -242,7 +242,7 @@ def test_a_video_sees_space_from_one_place(hexapod, moved):
         2000.0 * (found.actual - found.reference),
         atol=1e-9,
     )
-    up = 3e-6 * math.cos(space_views.TILT)
+    up = 3e-6 * math.cos(looks.TILT)
     np.testing.assert_allclose(found.actual - found.reference, [[0.0, up]] * 101, atol=1e-12)
     assert found.parts['link'].shape == (2, 12, 2, 2) and found.error[0] == pytest.approx(3e-6)
 
@@ -287,8 +287,8 @@ def test_the_page_projects_as_the_video(tmp_path):
     )
     told = subprocess.run([node, str(script)], capture_output=True, text=True, check=True).stdout
     oblique, *views = np.array(json.loads(told))
-    np.testing.assert_allclose(oblique, space_views.oblique(places), atol=1e-12)
-    for found, (_, _, shown) in zip(views, space_views.VIEWS, strict=True):
+    np.testing.assert_allclose(oblique, looks.oblique(places), atol=1e-12)
+    for found, (_, _, shown) in zip(views, looks.VIEWS, strict=True):
         np.testing.assert_allclose(found, places[:, shown], atol=1e-12)
 
 

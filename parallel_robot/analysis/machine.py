@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.report.space_views import VIEWS
+from parallel_robot.analysis.report.looks import VIEWS
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.analysis.report.space_views import posture
+from parallel_robot.analysis.report.looks import posture
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import REACHED, Reach

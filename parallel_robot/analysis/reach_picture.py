@@ -19,8 +19,7 @@ from parallel_robot.analysis.reach import (
     region_of,
 )
 from parallel_robot.analysis.report import figures
-from parallel_robot.analysis.report.labels import label
-from parallel_robot.analysis.report.space_views import posture
+from parallel_robot.analysis.report.looks import label, posture
 from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.common.errors import InputError, UnknownNameError

@@ -10,11 +10,9 @@ import numpy as np
 from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.animation import box
 from parallel_robot.analysis.report.figures import look_of
-from parallel_robot.analysis.report.labels import label
-from parallel_robot.analysis.report.palette import STYLES
+from parallel_robot.analysis.report.looks import STYLES, label, oblique
 from parallel_robot.analysis.report.paper_figures import RC
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot.analysis.report.space_views import oblique
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot_model.common.errors import BagError, InputError

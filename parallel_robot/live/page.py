@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.resources import files as resources
 from typing import NamedTuple
 
-from parallel_robot.analysis.report.palette import STYLES
+from parallel_robot.analysis.report.looks import STYLES
 
 KINDS = {
     'html': 'text/html',

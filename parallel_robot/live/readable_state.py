@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from parallel_robot.analysis.report.labels import joint_label
+from parallel_robot.analysis.report.looks import joint_label
 from parallel_robot.live.frames import Camera
 from parallel_robot.live.source import Description
 from parallel_robot.watch.robots import NODES, SILENT, Robot

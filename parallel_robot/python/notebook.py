@@ -24,9 +24,8 @@ from parallel_robot.analysis.readable_metrics import (
     unsettled,
     window,
 )
-from parallel_robot.analysis.report import figures, palette
-from parallel_robot.analysis.report.labels import law_label
-from parallel_robot.analysis.report.scale import AUTO
+from parallel_robot.analysis.report import figures, looks
+from parallel_robot.analysis.report.looks import AUTO, law_label
 from parallel_robot.analysis.table import sliding_variable
 from parallel_robot.bags.history import LIMIT_TEXT
 from parallel_robot.bags.limits import MEMORY
@@ -355,8 +354,8 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
     if isinstance(runs, Run):
         return Picture(figures.figure_of_run(runs, motions_of(runs).best, scale))
     named = _named('plot', runs, law_label)
-    if not 1 <= len(named) <= len(palette.RUNS):
-        raise InputError(f'plot takes up to {len(palette.RUNS)} runs, not {len(named)}')
+    if not 1 <= len(named) <= len(looks.RUNS):
+        raise InputError(f'plot takes up to {len(looks.RUNS)} runs, not {len(named)}')
     drawn = {name: (run, motions_of(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 

@@ -9,8 +9,8 @@ from typing import Any
 from parallel_robot.analysis import table, video_file
 from parallel_robot.analysis.frames import write_viewer_copy
 from parallel_robot.analysis.report import report_files
+from parallel_robot.analysis.report.looks import AUTO, check
 from parallel_robot.analysis.report.report_files import Report
-from parallel_robot.analysis.report.scale import AUTO, check
 from parallel_robot.analysis.video_file import RATE, Video
 from parallel_robot.bags import output
 from parallel_robot.bags.limits import MEMORY

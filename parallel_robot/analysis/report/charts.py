@@ -8,11 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances, rotation_errors
-from parallel_robot.analysis.report.labels import joint_label
-from parallel_robot.analysis.report.palette import joint_style
+from parallel_robot.analysis.report.looks import VIEWS, joint_label, joint_style, logarithmic
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot.analysis.report.scale import logarithmic
-from parallel_robot.analysis.report.space_views import VIEWS
 from parallel_robot.analysis.thinned import FIRST, Series, extremes
 from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.units import all_of

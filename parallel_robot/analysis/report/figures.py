@@ -10,10 +10,19 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances, rotation_errors
-from parallel_robot.analysis.report.labels import joint_label, label, law_label
-from parallel_robot.analysis.report.palette import RUNS, slots
-from parallel_robot.analysis.report.scale import AUTO, logarithmic
-from parallel_robot.analysis.report.space_views import add_lines, add_path, posture, views
+from parallel_robot.analysis.report.looks import (
+    AUTO,
+    RUNS,
+    add_lines,
+    add_path,
+    joint_label,
+    label,
+    law_label,
+    logarithmic,
+    posture,
+    slots,
+    views,
+)
 from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog

@@ -10,11 +10,9 @@ from parallel_robot.analysis import claims
 from parallel_robot.analysis.readable_metrics import METRICS, defined, shown, window
 from parallel_robot.analysis.report.animation import animation
 from parallel_robot.analysis.report.charts import Chart, place_of
-from parallel_robot.analysis.report.labels import law_label
-from parallel_robot.analysis.report.palette import STYLES
+from parallel_robot.analysis.report.looks import AUTO, STYLES, law_label
 from parallel_robot.analysis.report.plots import plot
 from parallel_robot.analysis.report.runs import Run
-from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.analysis.thinned import INTERVALS
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import all_of

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from parallel_robot.analysis.report.charts import Chart, Panel
-from parallel_robot.analysis.report.palette import STYLES, Style
-from parallel_robot.analysis.report.scale import AUTO
+from parallel_robot.analysis.report.looks import AUTO, STYLES, Style
 from parallel_robot.analysis.thinned import envelope
 from parallel_robot.bags.output import without_mathematics
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.report.figures import COLOURS, add_legend, look_of, panels
-from parallel_robot.analysis.report.labels import joint_label, label
-from parallel_robot.analysis.report.space_views import add_lines, add_path, posture
+from parallel_robot.analysis.report.looks import add_lines, add_path, joint_label, label, posture
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.report.charts import Chart, Curve, Panel
-from parallel_robot.analysis.report.palette import STYLES
+from parallel_robot.analysis.report.looks import STYLES
 
 ROW = 170  # px, height of a panel over time
 GAP = 44  # px, between two rows

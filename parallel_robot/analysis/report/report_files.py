@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 from parallel_robot.analysis.report import page, paper_figures
 from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.looks import AUTO
 from parallel_robot.analysis.report.runs import Run, read_runs
-from parallel_robot.analysis.report.scale import AUTO
 from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView

@@ -12,8 +12,8 @@ import numpy as np
 from parallel_robot.analysis import evaluated_bag, metrics
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
 from parallel_robot.analysis.readable_metrics import early, unsettled
-from parallel_robot.analysis.report import palette
-from parallel_robot.analysis.report.labels import label, law_label
+from parallel_robot.analysis.report import looks
+from parallel_robot.analysis.report.looks import label, law_label
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
@@ -87,8 +87,8 @@ def read_runs(
         InputError: more bags than there are styles; one is no bag, or its joints are not those of
             its robot.
     """
-    if len(bags) > len(palette.RUNS):
-        raise InputError(f'a report takes up to {len(palette.RUNS)} bags, not {len(bags)}')
+    if len(bags) > len(looks.RUNS):
+        raise InputError(f'a report takes up to {len(looks.RUNS)} bags, not {len(bags)}')
     evaluated: dict[tuple[str, str], list[tuple[Path, EvaluatedBag]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         found = evaluated_bag.evaluate(
@@ -103,7 +103,7 @@ def read_runs(
     for (scenario, robot), members in evaluated.items():
         title = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
         names = _labels([(bag, law_label(found.log.law)) for bag, found in members])
-        slots = palette.slots([printable(found.log.law) for _, found in members])
+        slots = looks.slots([printable(found.log.law) for _, found in members])
         groups[title] = [
             _run(bag, name, f'run{slot}', found)
             for (bag, found), name, slot in zip(members, names, slots, strict=True)

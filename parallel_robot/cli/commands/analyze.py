@@ -20,7 +20,7 @@ from parallel_robot.analysis.readable_metrics import (
     shown,
 )
 from parallel_robot.analysis.report import figures
-from parallel_robot.analysis.report.scale import add_scale_argument
+from parallel_robot.analysis.report.looks import add_scale_argument
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.bags import history, output
 from parallel_robot.bags.run import run_windows

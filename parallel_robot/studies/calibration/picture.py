@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel

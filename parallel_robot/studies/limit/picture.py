@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.limit.causes import WHOLE, LeastError
 from parallel_robot_model.common.units import JointUnits

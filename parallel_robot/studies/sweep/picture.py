@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report.labels import law_label
-from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.analysis.report.looks import RUNS, law_label
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.results import ESTIMATED, LIMIT, NEGLIGIBLE, ScenarioResult

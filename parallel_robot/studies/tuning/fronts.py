@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.report.labels import label, law_label
-from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
 from parallel_robot.studies.tuning import picture

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.report.labels import law_label
+from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.studies.tuning import picture
 from parallel_robot.studies.tuning.convergence import Verdict
 from parallel_robot.studies.tuning.store import Store

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report.palette import RUNS
+from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep.results import Quantity
 from parallel_robot.studies.tuning.convergence import Verdict
