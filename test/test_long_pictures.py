@@ -5,8 +5,8 @@ import pytest
 from test_long_bags import WINDOW, simulation, windows  # noqa: F401 fixture
 
 from parallel_robot.analysis import thinned
-from parallel_robot.analysis.report.animation import postures
 from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.page import postures
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.thinned import Growing, Series, joined_series, thinned_series
 from parallel_robot.analysis.video import frame_times, magnification, scene

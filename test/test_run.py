@@ -21,7 +21,7 @@ from warm_process import children
 
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.report.charts import charts
-from parallel_robot.analysis.report.plots import plot
+from parallel_robot.analysis.report.page import plot
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import history
 from parallel_robot.bags.files.bag_files import CHANGES

@@ -15,8 +15,8 @@ from parallel_robot.analysis import metrics, video
 from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.analysis.readable_metrics import METRICS, defined
 from parallel_robot.analysis.report import figures, looks
-from parallel_robot.analysis.report.animation import ball, postures
 from parallel_robot.analysis.report.charts import charts
+from parallel_robot.analysis.report.page import ball, postures
 from parallel_robot.analysis.report.planned import figure_of_motion
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.running_metrics import RunningMetrics, all_of_it

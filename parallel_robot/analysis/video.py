@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances
-from parallel_robot.analysis.report.animation import box
 from parallel_robot.analysis.report.figures import look_of
 from parallel_robot.analysis.report.looks import STYLES, label, oblique
+from parallel_robot.analysis.report.page import box
 from parallel_robot.analysis.report.paper_figures import RC
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.bags.output import without_mathematics
