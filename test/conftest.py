@@ -156,7 +156,7 @@ gc.set_threshold(200_000, 20, 20)  # what the compiler makes stays; seldom looke
 @pytest.fixture
 def page_alone(monkeypatch):
     """Reports have no figures as files, which take a second."""
-    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.FORMATS', ())
+    monkeypatch.setattr('parallel_robot.analysis.report.report_files.FORMATS', ())
 
 
 @pytest.fixture(scope='session')

@@ -9,10 +9,10 @@ import pytest
 from bags import table_of
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.report import page, paper_figures, runs
+from parallel_robot.analysis.report import page, report_files, runs
 from parallel_robot.analysis.report.charts import charts
 from parallel_robot.analysis.report.looks import JOINTS, STYLES
-from parallel_robot.analysis.report.paper_figures import draw
+from parallel_robot.analysis.report.report_files import draw_chart
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 
@@ -111,7 +111,7 @@ def test_the_charts_have_a_curve_or_a_panel_for_each_joint(case):
 
 
 def test_the_report_shows_what_there_is(case, tmp_path, monkeypatch):
-    monkeypatch.setattr(paper_figures, 'FORMATS', ('svg',))  # of the two, the faster
+    monkeypatch.setattr(report_files, 'FORMATS', ('svg',))  # of the two, the faster
     bag, _, _, parts = case
     assert main(['report', str(bag), '--out', str(tmp_path / 'report')]) == 0
     text = (tmp_path / 'report' / 'report.html').read_text(encoding='utf-8')
@@ -181,5 +181,5 @@ def test_more_joints_than_styles_are_drawn(bags, tmp_path):
     drawn = charts([run._replace(log=log, motion=motion, cross_coupling=None)])
     styles = [curve.style for curve in drawn[2].panels[0].curves]
     assert len(styles) == count and len(set(styles)) == len({STYLES[s] for s in styles}) == JOINTS
-    _, svg = draw(drawn[0], tmp_path, 'joint_errors')
+    _, svg = draw_chart(drawn[0], tmp_path, 'joint_errors')
     assert svg.read_text().count('<g id="axes_') == count

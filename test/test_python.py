@@ -358,7 +358,7 @@ def files(directory):
 
 
 def test_a_report_is_that_of_the_command_line(bag, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.FORMATS', ('svg',))
+    monkeypatch.setattr('parallel_robot.analysis.report.report_files.FORMATS', ('svg',))
     made = presentations.report(bag, tmp_path / 'ours', scale='log')
     out = commanded(capsys, 'report', bag, '--out', tmp_path / 'theirs', '--scale', 'log')
     assert made.warnings == () and f'{made.figures} files' in out

@@ -11,9 +11,9 @@ from browser import requests, started
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report import page, paper_figures, report_files, runs
+from parallel_robot.analysis.report import page, report_files, runs
 from parallel_robot.analysis.report.charts import charts
-from parallel_robot.analysis.report.paper_figures import draw
+from parallel_robot.analysis.report.report_files import draw_chart
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import topics
@@ -100,7 +100,7 @@ def axes_of(chart, directory, monkeypatch, scale):
     """Scales and names of the y axes of a figure."""
     found = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: found.append(figure))
-    draw(chart, directory, 'name', scale)
+    draw_chart(chart, directory, 'name', scale)
     return {(axes.get_yscale(), axes.get_ylabel()) for axes in found[0].axes}
 
 
@@ -135,7 +135,7 @@ def test_figures_fit_the_columns_of_a_paper(report):
 def test_the_same_bags_give_the_same_bytes(bags, tmp_path, report):
     groups = runs.read_runs(bags)
     chart = charts(groups['paper_circle'])[1]
-    for path in draw(chart, tmp_path, 'figure_4_x_error_paper_circle'):
+    for path in draw_chart(chart, tmp_path, 'figure_4_x_error_paper_circle'):
         assert path.read_bytes() == (report / path.name).read_bytes()
 
 
@@ -183,7 +183,7 @@ def test_cross_coupling_errors_are_those_of_the_controller(bags):
 
 
 def test_a_bag_of_another_tool(foreign, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(paper_figures, 'FORMATS', ('svg',))
+    monkeypatch.setattr(report_files, 'FORMATS', ('svg',))
     assert main(['report', str(foreign), '--out', str(tmp_path / 'out')]) == 0
     assert 'no cross-coupling error' in capsys.readouterr().out
     text = (tmp_path / 'out' / 'report.html').read_text(encoding='utf-8')
@@ -237,7 +237,7 @@ def test_whoever_recorded_it_the_report_is_the_same(kind, short, tmp_path):
 
 
 def test_a_cut_and_a_split_bag_are_compared(short, tmp_path, monkeypatch):
-    monkeypatch.setattr(paper_figures, 'FORMATS', ('svg',))
+    monkeypatch.setattr(report_files, 'FORMATS', ('svg',))
     cut(tmp_path / 'cut', short[1])
     split(tmp_path / 'split', short[1])
     bags = [str(tmp_path / 'cut'), str(tmp_path / 'split')]
@@ -282,7 +282,7 @@ def test_names_of_a_bag_are_text(hostile, tmp_path):
         r'<script type="application/json"[^>]*>(.*?)</script>', text, re.DOTALL
     ):
         assert '<' not in json.dumps(json.loads(data)['plots'][0]['data'][1]['name'])
-    for name in draw(drawn[0], tmp_path, 'path'):
+    for name in draw_chart(drawn[0], tmp_path, 'path'):
         assert name.stat().st_size > 1000
 
 
@@ -310,7 +310,7 @@ def test_a_disk_that_is_full_leaves_nothing(bags, tmp_path, capsys, monkeypatch)
     def full(*_):
         raise OSError(28, 'No space left on device')
 
-    monkeypatch.setattr('parallel_robot.analysis.report.paper_figures.draw', full)
+    monkeypatch.setattr('parallel_robot.analysis.report.report_files.draw_chart', full)
     assert 'No space left' in refused([bags[0], '--out', tmp_path / 'out'], capsys)
     assert not list(tmp_path.iterdir())
 

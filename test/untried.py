@@ -1,6 +1,6 @@
 """Custom files as they are for a process that has just started, and as bags that lack them."""
 
-from parallel_robot.analysis.report import paper_figures
+from parallel_robot.analysis.report import report_files
 from parallel_robot_model.processes import custom_module
 
 
@@ -8,7 +8,7 @@ def forget(monkeypatch):
     """Let no custom file be loaded yet, as in a new process; its reports have no pictures."""
     custom_module._module.cache_clear()
     monkeypatch.setattr(custom_module, '_loaded', {})
-    monkeypatch.setattr(paper_figures, 'draw', lambda *_: None)
+    monkeypatch.setattr(report_files, 'draw_chart', lambda *_: None)
 
 
 def detach(bag, key, name):

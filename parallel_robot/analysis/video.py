@@ -11,7 +11,7 @@ from parallel_robot.analysis.metrics import distances
 from parallel_robot.analysis.report.figures import look_of
 from parallel_robot.analysis.report.looks import STYLES, label, oblique
 from parallel_robot.analysis.report.page import box
-from parallel_robot.analysis.report.paper_figures import RC
+from parallel_robot.analysis.report.report_files import RC
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run import recorded_robot
