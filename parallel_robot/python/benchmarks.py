@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from parallel_robot.python import arguments
-from parallel_robot.studies.benchmark import protocol as protocols
 from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.competitors import competitors
+from parallel_robot.studies.benchmark.protocol import DEFAULT, read
 from parallel_robot.studies.benchmark.result import Scores
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.workers import Processes
@@ -20,7 +20,7 @@ def benchmark(
     out: str | Path,
     quick: bool = False,
     phrase: str | None = None,
-    protocol: str | Path = protocols.DEFAULT,
+    protocol: str | Path = DEFAULT,
     workers: int | None = None,
 ) -> Scores:
     """Judge laws against the limit by a fixed protocol, as ``parallel_robot benchmark`` does.
@@ -46,6 +46,6 @@ def benchmark(
     """
     count = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), count)
-    asked = protocols.read(named('protocol', protocol), quick, phrase)
+    asked = read(named('protocol', protocol), quick, phrase)
     judged = competitors([named('law', law) for law in laws])
     return benchmarked(asked, phrase, judged, arguments.path('out', out), lambda: Processes(count))

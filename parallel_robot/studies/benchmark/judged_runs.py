@@ -11,13 +11,13 @@ from itertools import product
 from typing import Any
 
 from parallel_robot.studies.benchmark.competitors import Competitors
-from parallel_robot.studies.benchmark.conditions import (
+from parallel_robot.studies.benchmark.protocol import (
     Condition,
+    Protocol,
     conditions,
     planned,
     rows,
 )
-from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.scores import ScoredRun, score
 from parallel_robot.studies.benchmark.store import RunFigures, RunKey, Store
 from parallel_robot.studies.benchmark.tuned_gains import TunedGains, tuned_gains

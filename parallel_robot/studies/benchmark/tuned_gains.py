@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from parallel_robot.studies.benchmark.conditions import search_plan
-from parallel_robot.studies.benchmark.protocol import Protocol, Robot
+from parallel_robot.studies.benchmark.protocol import Protocol, Robot, search_plan
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot.studies.tuning.effort import Effort
 from parallel_robot.studies.tuning.front import front
