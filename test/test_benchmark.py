@@ -18,7 +18,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.benchmark import again, judged_runs
 from parallel_robot.studies.benchmark.benchmark import benchmarked
-from parallel_robot.studies.benchmark.competitors import competitors
+from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import conditions, planned, read, rows, seed_from
 from parallel_robot.studies.benchmark.result import differences
 from parallel_robot.studies.benchmark.scores import ScoredRun, score, summarised

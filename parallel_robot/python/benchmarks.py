@@ -6,7 +6,7 @@ from pathlib import Path
 
 from parallel_robot.python import arguments
 from parallel_robot.studies.benchmark.benchmark import benchmarked
-from parallel_robot.studies.benchmark.competitors import competitors
+from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
 from parallel_robot.studies.benchmark.result import Scores
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers

@@ -9,7 +9,7 @@ from typing import Any
 
 from parallel_robot.studies.benchmark import protocol as protocols
 from parallel_robot.studies.benchmark.benchmark import benchmarked
-from parallel_robot.studies.benchmark.competitors import SHIPPED, competitors
+from parallel_robot.studies.benchmark.judged_runs import SHIPPED, competitors
 from parallel_robot.studies.benchmark.result import MOST_DIFFERENCES, differences, facts_of, read
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_model.common.errors import InputError, printable

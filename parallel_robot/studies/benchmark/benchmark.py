@@ -6,8 +6,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from parallel_robot.studies.benchmark.competitors import Competitors
-from parallel_robot.studies.benchmark.judged_runs import identity, run, search
+from parallel_robot.studies.benchmark.judged_runs import Competitors, identity, run, search
 from parallel_robot.studies.benchmark.page import files
 from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.result import Scores

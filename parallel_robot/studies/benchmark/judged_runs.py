@@ -6,21 +6,23 @@ import hashlib
 import json
 import math
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
-from parallel_robot.studies.benchmark.competitors import Competitors
 from parallel_robot.studies.benchmark.protocol import (
     Condition,
     Protocol,
+    Robot,
     conditions,
     planned,
     rows,
+    search_plan,
 )
 from parallel_robot.studies.benchmark.scores import ScoredRun, score
 from parallel_robot.studies.benchmark.store import RunFigures, RunKey, Store
-from parallel_robot.studies.benchmark.tuned_gains import TunedGains, tuned_gains
 from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot.studies.sweep.study import Variant
@@ -28,6 +30,137 @@ from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.table import METRICS
 from parallel_robot.studies.sweep.tasks import Task, version
 from parallel_robot.studies.sweep.workers import Workers, completed
+from parallel_robot.studies.tuning.effort import Effort
+from parallel_robot.studies.tuning.front import front
+from parallel_robot.studies.tuning.space import space_of
+from parallel_robot.studies.tuning.store import Store as TuningStore
+from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.tune import Tuning
+from parallel_robot.studies.tuning.tune import run as run_tuning
+from parallel_robot_control.configuration import available
+from parallel_robot_control.foreign.fmu_law import file_beside
+from parallel_robot_control.law_loader import has_law_suffix
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+
+# The laws of a benchmark: those of the suite by name, others by their file.
+
+SHIPPED = 'of the suite'
+
+
+@dataclass(frozen=True)
+class Competitors:
+    """The laws that are judged.
+
+    Attributes:
+        names: Their names, in order.
+        files: Files of those that are not of the suite.
+    """
+
+    names: tuple[str, ...]
+    files: tuple[Path, ...]
+
+    @property
+    def code(self) -> dict[str, Any]:
+        """Keys of the configuration that name the files."""
+        return {'custom_laws': [str(path) for path in self.files]} if self.files else {}
+
+    def sources(self) -> dict[str, str]:
+        """Law to the SHA-256 of its file and of what stands beside it, or that it is shipped."""
+        found = dict.fromkeys(self.names, SHIPPED)
+        for path in self.files:
+            beside = file_beside(path)
+            called = beside.read_bytes() if beside else b''
+            found[path.stem] = hashlib.sha256(path.read_bytes() + called).hexdigest()
+        return found
+
+
+def competitors(given: Sequence[str]) -> Competitors:
+    """The laws by names and files.
+
+    Args:
+        given: Names of laws of the suite, and files of others.
+
+    Raises:
+        InputError: there is no such law or file, or a law is named twice.
+    """
+    files = [Path(each).resolve() for each in given if has_law_suffix(each)]
+    for path in files:
+        if not path.is_file():
+            raise InputError(f'there is no file {path}')
+    names = [Path(each).stem if has_law_suffix(each) else each for each in given]
+    known = available([str(path) for path in files])
+    for name in names:
+        if name not in known:
+            raise UnknownNameError('law', name, known)
+        if names.count(name) > 1:
+            raise InputError(f'{name} is named twice')
+    return Competitors(tuple(names), tuple(files))
+
+
+# The gains of a law on a robot, by the search of the protocol.
+
+MEASURE = 'excess_chattering'
+
+
+class TunedGains(NamedTuple):
+    """What a search took.
+
+    Attributes:
+        values: Keys of the configuration and their values; empty where all trials failed.
+        within: Whether these gains keep to the effort.
+    """
+
+    values: Mapping[str, Any]
+    within: bool
+
+
+def tuned_gains(
+    robot: Robot,
+    law: str,
+    protocol: Protocol,
+    code: Mapping[str, Any],
+    directory: Path,
+    workers: Workers,
+) -> TunedGains:
+    """Search gains of a law for a robot, or go on in a search.
+
+    The least error within the effort is taken; without one, the calmest trial.
+
+    Args:
+        robot: The robot.
+        law: Name of the law.
+        protocol: The protocol.
+        code: Keys of the configuration that name the files of laws.
+        directory: Where the trials are kept.
+        workers: Who runs them.
+
+    Raises:
+        InputError: the law has no gain to vary.
+        RunError: workers cannot run it, or the disk is full; finished trials are kept.
+    """
+    asked = protocol.search
+    plan = search_plan(robot, protocol, law, code)
+    nominal = plan.cases[0].nominal
+    known = available(nominal['custom_laws'])[law]
+    search = [key for key in asked.search if key in nominal]
+    space = space_of(law, known, nominal, asked.bounds, search)
+    limit = asked.chattering * robot.force
+    tuning = Tuning(plan, space, None, asked.seed, Effort(MEASURE, limit, plan.units))
+    with TuningStore(directory, space, tuning.identity()) as store:
+        trials = run_tuning(tuning, store, asked.trials, workers)
+    taken = best(trials, limit)
+    if taken is None:
+        return TunedGains({}, False)
+    values = {space.key(name): value for name, value in taken.gains.items()}
+    return TunedGains(values, taken.effort <= limit)
+
+
+def best(trials: list[Trial], limit: float) -> Trial | None:
+    """The trial of the least error within an effort; without one, the calmest."""
+    points = front(trials)
+    calm = [point for point in points if point.effort <= limit]
+    return calm[0] if calm else points[-1] if points else None
+
 
 DEFAULT, TUNED = KINDS = ('default', 'tuned')
 ERRORS = ('xy_rms_m', 'joint_rms_rad')  # the first that a robot has

@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags.experiment import software
-from parallel_robot.studies.benchmark.competitors import Competitors
-from parallel_robot.studies.benchmark.judged_runs import TUNED, Gains, digest
+from parallel_robot.studies.benchmark.judged_runs import TUNED, Competitors, Gains, digest
 from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.scores import (
     WHOLE,
