@@ -7,9 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from parallel_robot.studies.benchmark.judged_runs import Competitors, identity, run, search
-from parallel_robot.studies.benchmark.page import files
 from parallel_robot.studies.benchmark.protocol import Protocol
-from parallel_robot.studies.benchmark.result import Scores
+from parallel_robot.studies.benchmark.result import Scores, files
 from parallel_robot.studies.benchmark.store import Store
 from parallel_robot.studies.sweep.workers import Workers
 
