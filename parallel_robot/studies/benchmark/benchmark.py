@@ -9,7 +9,7 @@ from pathlib import Path
 from parallel_robot.studies.benchmark.judged_runs import Competitors, identity, run, search
 from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.result import Scores, files
-from parallel_robot.studies.benchmark.store import Store
+from parallel_robot.studies.benchmark.scores import Store
 from parallel_robot.studies.sweep.workers import Workers
 
 SCORE = 'score.json'

@@ -21,8 +21,7 @@ from parallel_robot.studies.benchmark.protocol import (
     rows,
     search_plan,
 )
-from parallel_robot.studies.benchmark.scores import ScoredRun, score
-from parallel_robot.studies.benchmark.store import RunFigures, RunKey, Store
+from parallel_robot.studies.benchmark.scores import RunFigures, RunKey, ScoredRun, Store, score
 from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot.studies.sweep.study import Variant
