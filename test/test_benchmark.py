@@ -16,7 +16,7 @@ from sweeping import Inline
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
-from parallel_robot.studies.benchmark import again, judged_runs
+from parallel_robot.studies.benchmark import benchmark, judged_runs
 from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import conditions, planned, read, rows, seed_from
@@ -172,7 +172,7 @@ def test_what_differs_is_one_line_whatever_the_file_says():
 
 def test_a_score_is_checked_by_running_it_again(whole, protocol_file, tmp_path):
     _, out = whole
-    found = again.checked(out / 'score.json', str(protocol_file), (), tmp_path / 'a', Inline)
+    found = benchmark.checked(out / 'score.json', str(protocol_file), (), tmp_path / 'a', Inline)
     assert not found.differences and 'same to the last digit' in found.parts()[0]
 
 
@@ -184,7 +184,7 @@ def test_a_score_of_another_protocol_is_told_before_anything_is_run(
     changed['protocol'][name] = 2
     path = tmp_path / 'score.json'
     path.write_text(json.dumps(changed))
-    found = again.checked(path, str(protocol_file), (), tmp_path / 'a', pytest.fail)
+    found = benchmark.checked(path, str(protocol_file), (), tmp_path / 'a', pytest.fail)
     what, line = found.parts()
     assert 'nothing was run' in what and line.startswith(f'  protocol.{name}: 2 in the file, ')
     assert not (tmp_path / 'a').exists()

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from parallel_robot.cli.result_format import add_format_argument, show, tell
 from parallel_robot.cli.worker_options import add_worker_arguments, workers_of
-from parallel_robot.studies.benchmark.again import checked
-from parallel_robot.studies.benchmark.benchmark import SCORE, benchmarked
+from parallel_robot.studies.benchmark.benchmark import SCORE, benchmarked, checked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
 from parallel_robot.studies.sweep.workers import Workers
