@@ -10,10 +10,10 @@ import yaml
 from bags import STORE, content, write_foreign
 
 import parallel_robot as pr
-from parallel_robot.bags.reading import indexed_reader, pose_topics
+from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.calibration import bag_calibration, near_states, picture
+from parallel_robot.studies.calibration import bag_calibration, measured_poses, picture
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
@@ -175,7 +175,7 @@ def test_of_a_long_bag_the_states_near_the_poses_suffice(case, tmp_path, monkeyp
     tracker(file, 't,x,y,phi', table)
     all_of_them = pr.calibrate(case.bag, poses=file)
     kept = 50 * len(table)
-    monkeypatch.setattr(near_states, 'KEPT', kept)
+    monkeypatch.setattr(measured_poses, 'KEPT', kept)
     monkeypatch.setattr(bag_calibration, 'KEPT', kept)
     monkeypatch.setattr(recorded_robot, 'SECONDS', 1.3)
     monkeypatch.setattr(indexed_reader, 'LARGE', 1)
@@ -198,7 +198,7 @@ def test_of_many_poses_some_are_kept_evenly(kind, case, tmp_path, monkeypatch):
     words = {'file': {'bag': case.bag, 'poses': file}, 'topic': {'bag': bag}}[kind]
     monkeypatch.setattr(bag_calibration, 'MOST', most)
     short = pr.calibrate(**words)
-    for module in (near_states, bag_calibration):
+    for module in (measured_poses, bag_calibration):
         monkeypatch.setattr(module, 'KEPT', len(case.states) - 1)
     long = pr.calibrate(**words)
     rows = np.linspace(0, len(table) - 1, most).astype(int)
@@ -277,7 +277,7 @@ def recorded(case, folder, kind, topic, frame='world', lost=()):
 @pytest.mark.parametrize('kind', [*KINDS])
 def test_poses_in_the_bag_are_those_of_the_file(case, tmp_path, kind):
     bag = recorded(case, tmp_path / 'bag', kind, 'tracker/pose_of_target')
-    found = pose_topics.read(bag)
+    found = measured_poses.read_topic(bag)
     np.testing.assert_allclose(found.place[:, :2], case.table[:, 1:3], atol=1e-9)
     np.testing.assert_allclose(found.phi, case.table[:, 3], atol=1e-9)
 
@@ -298,12 +298,12 @@ def test_messages_without_a_pose_are_told_and_broken_ones_refused(case, tmp_path
 @pytest.mark.parametrize('kind', [*KINDS])
 def test_either_order_of_bytes_is_read(case, tmp_path, kind, monkeypatch):
     other, serialize = tmp_path / 'other', STORE.serialize_cdr
-    wanted = pose_topics.read(recorded(case, tmp_path / 'bag', kind, 'tracker'))
+    wanted = measured_poses.read_topic(recorded(case, tmp_path / 'bag', kind, 'tracker'))
     with monkeypatch.context() as patched:
         big = partial(serialize, little_endian=False)
         patched.setattr(STORE, 'serialize_cdr', big)
         recorded(case, other, kind, 'tracker')
-    found = pose_topics.read(other)
+    found = measured_poses.read_topic(other)
     assert all(map(np.array_equal, found, wanted))
 
 
@@ -313,7 +313,7 @@ def test_a_message_that_is_too_short_is_called_broken(length, case, tmp_path):
     streams = {JOINT_STATES: case.states, Topic('tracker', 'geometry_msgs/msg/PoseStamped'): cut}
     write_foreign(tmp_path / 'bag', streams)
     with pytest.raises(BagError, match='tracker is not understood: a message is broken'):
-        pose_topics.read(tmp_path / 'bag')
+        measured_poses.read_topic(tmp_path / 'bag')
 
 
 def test_one_topic_of_poses_is_chosen(case, whole, tmp_path, capsys):

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.calibration import geometry, least_squares, reach, tracker_file
+from parallel_robot.studies.calibration import geometry, least_squares, measured_poses, reach
 from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Tracker
@@ -163,7 +163,7 @@ def test_quaternions_of_a_file_are_rotation_vectors_from_home(tmp_path):
     file = tmp_path / 'poses.csv'
     names = ['x', 'y', 'z', 'rx', 'ry', 'rz']
     np.savetxt(file, table, '%.12f', ',', header='t,qx,qy,qz,qw,x,y,z', comments='')
-    read = tracker_file.read(file, names, 0, home)
+    read = measured_poses.read_file(file, names, 0, home)
     assert [names[k] for k in read.columns] == names
     np.testing.assert_allclose(read.pose, np.column_stack([vectors, vectors]), atol=1e-9)
     for header, row, message in (
@@ -173,7 +173,7 @@ def test_quaternions_of_a_file_are_rotation_vectors_from_home(tmp_path):
     ):
         file.write_text(f'{header}\n{row}\n')
         with pytest.raises(InputError, match=message):
-            tracker_file.read(file, names, 0, home)
+            measured_poses.read_file(file, names, 0, home)
 
 
 def test_a_machine_is_calibrated_by_the_command_and_its_file_makes_a_loop_right(tmp_path, capsys):

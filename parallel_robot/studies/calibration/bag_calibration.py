@@ -12,9 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags import output
-from parallel_robot.bags.reading import pose_topics
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
-from parallel_robot.bags.reading.pose_topics import StampedPoses
 from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
@@ -22,12 +20,17 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import (
     least_squares,
+    measured_poses,
     parameter_file,
     readable,
-    tracker_file,
 )
 from parallel_robot.studies.calibration.least_squares import Fit
-from parallel_robot.studies.calibration.near_states import KEPT, NearStates, margin
+from parallel_robot.studies.calibration.measured_poses import (
+    KEPT,
+    NearStates,
+    StampedPoses,
+    margin,
+)
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_control.configuration import nominal_of
@@ -187,7 +190,7 @@ def _measured(
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
     home, most, remarks = _home(robot), MOST if thinned else None, []
     if poses is not None:
-        file = tracker_file.read(poses, names, log.start_stamp, home, most)
+        file = measured_poses.read_file(poses, names, log.start_stamp, home, most)
         total, measured = file.total, MeasuredPoses(file.time, file.columns, file.pose)
         if file.unused:
             listed = printable(', '.join(file.unused), 80)
@@ -195,7 +198,7 @@ def _measured(
         if file.missing:
             remarks.append(f'{poses}: not used: {file.missing} lines without a pose')
     else:
-        found = pose_topics.read(bag, topic, most=most)
+        found = measured_poses.read_topic(bag, topic, most=most)
         total = found.total
         if found.missing:
             remarks.append(f'{bag}: not used: {found.missing} messages without a pose')
