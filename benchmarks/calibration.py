@@ -22,8 +22,8 @@ from rows import row, show
 
 from parallel_robot.studies.calibration import geometry, least_squares, reach
 from parallel_robot.studies.calibration.design import Designed, design
-from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from parallel_robot.studies.calibration import design, geometry, least_squares, reach, readable
-from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import BagError, InputError
 from trajectory_gen.configuration import trajectory_of

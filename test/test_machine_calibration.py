@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.calibration import geometry, least_squares, measured_poses, reach
-from parallel_robot.studies.calibration.locating import Locator
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
-from parallel_robot.studies.calibration.tracker import Tracker
+from parallel_robot.studies.calibration.tracker import Locator, Tracker
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from trajectory_gen.configuration import trajectory_of

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.studies.calibration.locating import Locator
+from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import parameters

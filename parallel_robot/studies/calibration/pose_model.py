@@ -9,8 +9,7 @@ import numpy as np
 
 from parallel_robot.studies.calibration import geometry
 from parallel_robot.studies.calibration.geometry import Number
-from parallel_robot.studies.calibration.locating import Locator
-from parallel_robot.studies.calibration.tracker import Tracker, Unknown
+from parallel_robot.studies.calibration.tracker import Locator, Tracker, Unknown
 from parallel_robot_model.common.errors import InputError, RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.registry import RobotModel
