@@ -20,7 +20,7 @@ import checkout  # noqa: F401 finds the suite
 import numpy as np
 from rows import row, show
 
-from parallel_robot.studies.calibration import geometry, least_squares, reach
+from parallel_robot.studies.calibration import least_squares, pose_model, reach
 from parallel_robot.studies.calibration.design import Designed, design
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator
@@ -87,10 +87,10 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     found = []
     for seed in range(robots):
         rng = np.random.default_rng(seed)
-        nominal = geometry.values(robot, numbers)
+        nominal = pose_model.values_of(robot, numbers)
         true = nominal + size * rng.normal(size=len(size))
         zero = np.where(slides, OFF, TURNED) * rng.normal(size=joints)
-        body = geometry.with_values(robot, numbers, true)
+        body = pose_model.with_values(robot, numbers, true)
         rows = reached(locate, body, chosen.position - zero, chosen.poses)
         exact = locate(body, chosen.position[rows] - zero, chosen.poses[rows])
         assert exact is not None
@@ -126,13 +126,13 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     return found
 
 
-def movable(robot: RobotModel, chosen: Designed) -> tuple[geometry.Number, ...]:
+def movable(robot: RobotModel, chosen: Designed) -> tuple[pose_model.Number, ...]:
     """What of a robot is off: of a machine all, also what poses do not show."""
     module: Any = robot.module
     if not hasattr(module, 'geometry'):
-        return geometry.find(robot, chosen.position, chosen.poses)
+        return pose_model.find_numbers(robot, chosen.position, chosen.poses)
     key, names, unit = module.geometry(robot.parameters)
-    return tuple(geometry.Number(key, k, unit) for k in range(len(names)))
+    return tuple(pose_model.Number(key, k, unit) for k in range(len(names)))
 
 
 def reached(locate: Locator, body: RobotModel, position: Array, poses: Array) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot.studies.calibration import design, geometry, least_squares, reach, readable
+from parallel_robot.studies.calibration import design, least_squares, pose_model, reach, readable
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -22,7 +22,7 @@ class Case:
         trajectory = trajectory_of(self.values)
         self.pose = reach.candidates(trajectory, centre, count, seed)
         self.joints = np.array([reach.joints(trajectory, each) for each in self.pose])
-        self.numbers = geometry.find(self.robot, self.joints, self.pose)
+        self.numbers = pose_model.find_numbers(self.robot, self.joints, self.pose)
         axes = self.robot.module.coordinates(self.robot.parameters)
         self.noise = np.array([NOISE[axis.unit] for axis in axes])
 
@@ -30,9 +30,9 @@ class Case:
         """Truth and measured poses of a robot that differs by normal numbers [m, rad]."""
         rng = np.random.default_rng(seed)
         size = np.array([length if each.unit == 'm' else turn for each in self.numbers])
-        true = geometry.values(self.robot, self.numbers) + size * rng.normal(size=len(size))
+        true = pose_model.values_of(self.robot, self.numbers) + size * rng.normal(size=len(size))
         zero = turn * rng.normal(size=self.joints.shape[1])
-        body = geometry.with_values(self.robot, self.numbers, true)
+        body = pose_model.with_values(self.robot, self.numbers, true)
         pose = Locator(self.robot)(body, self.joints - zero, self.pose)
         assert pose is not None
         return np.concatenate([true, zero]), pose + noise * self.noise * rng.normal(
@@ -198,7 +198,7 @@ def test_a_late_tracker_is_found_while_the_robot_moves(arm):
     time = np.arange(0.0, 6.0, 1e-3)
     joints = np.column_stack([0.5 + 0.4 * np.sin(time), 1.2 + 0.5 * np.cos(1.7 * time)])
     rng = np.random.default_rng(0)
-    body = geometry.with_values(arm.robot, arm.numbers, np.array([0.3007, 0.2995]))
+    body = pose_model.with_values(arm.robot, arm.numbers, np.array([0.3007, 0.2995]))
     zero = np.array([1e-3, -2e-3])
     l1, l2 = 0.3007, 0.2995
     q1, q12 = joints[:, 0] - zero[0], joints.sum(axis=1) - zero.sum()

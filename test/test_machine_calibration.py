@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.calibration import geometry, least_squares, measured_poses, reach
+from parallel_robot.studies.calibration import least_squares, measured_poses, pose_model, reach
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator, Tracker
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -27,7 +27,7 @@ class Case:
         self.pose = reach.candidates(trajectory, centre, count, seed)
         self.joints = np.array([reach.joints(trajectory, each) for each in self.pose])
         _, names, _ = self.robot.module.geometry(self.robot.parameters)
-        self.numbers = [geometry.Number('shift', k, 'm') for k in range(len(names))]
+        self.numbers = [pose_model.Number('shift', k, 'm') for k in range(len(names))]
         axes = self.robot.module.coordinates(self.robot.parameters)
         self.noise = np.array([NOISE[axis.unit] for axis in axes])
 
@@ -43,7 +43,7 @@ class Case:
     def off(self, seed, size):
         """Poses of a machine all of whose joints lie elsewhere, and what its encoders are off."""
         rng = np.random.default_rng(seed)
-        body = geometry.with_values(
+        body = pose_model.with_values(
             self.robot, self.numbers, size * rng.normal(size=len(self.numbers))
         )
         zero = size * rng.normal(size=self.joints.shape[1])
@@ -68,7 +68,7 @@ def test_slopes_of_the_pose_are_those_of_finite_differences(name):
         chosen += (joints + random.choice(len(case.numbers) - joints, 6, replace=False)).tolist()
     for k in chosen:
         ahead, back = (
-            locate(geometry.with_values(robot, [case.numbers[k]], step), case.joints, case.pose)
+            locate(pose_model.with_values(robot, [case.numbers[k]], step), case.joints, case.pose)
             for step in (np.array([h]), np.array([-h]))
         )
         np.testing.assert_allclose(slopes[:, :, n + k], (ahead - back) / (2.0 * h), atol=1e-6)
