@@ -20,8 +20,13 @@ import checkout  # noqa: F401 finds the suite
 import numpy as np
 from rows import row, show
 
-from parallel_robot.studies.calibration import least_squares, pose_model, reach
-from parallel_robot.studies.calibration.design import Designed, design
+from parallel_robot.studies.calibration import least_squares, pose_model
+from parallel_robot.studies.calibration.design import (
+    Designed,
+    candidates,
+    design,
+    joints_within_reach,
+)
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -76,8 +81,8 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     robot, centre = nominal_of(values)
     chosen = design(scenario, {}, poses)
     trajectory = trajectory_of(values)
-    places = reach.candidates(trajectory, centre, PLACES, seed=1)
-    everywhere = np.array([reach.joints(trajectory, each) for each in places])
+    places = candidates(trajectory, centre, PLACES, seed=1)
+    everywhere = np.array([joints_within_reach(trajectory, each) for each in places])
     locate, numbers = Locator(robot), movable(robot, chosen)
     size = np.array([OFF if each.unit == 'm' else TURNED for each in numbers])
     joints = len(values['joints'])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot.studies.calibration import design, least_squares, pose_model, reach, readable
+from parallel_robot.studies.calibration import design, least_squares, pose_model, readable
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -20,8 +20,10 @@ class Case:
         self.values = resolve(scenario)
         self.robot, centre = nominal_of(self.values)
         trajectory = trajectory_of(self.values)
-        self.pose = reach.candidates(trajectory, centre, count, seed)
-        self.joints = np.array([reach.joints(trajectory, each) for each in self.pose])
+        self.pose = design.candidates(trajectory, centre, count, seed)
+        self.joints = np.array(
+            [design.joints_within_reach(trajectory, each) for each in self.pose]
+        )
         self.numbers = pose_model.find_numbers(self.robot, self.joints, self.pose)
         axes = self.robot.module.coordinates(self.robot.parameters)
         self.noise = np.array([NOISE[axis.unit] for axis in axes])
@@ -267,10 +269,10 @@ def test_a_line_out_of_reach_is_looked_at_up_to_there(scenario):
     values = resolve(scenario)
     _, centre = nominal_of(values)
     trajectory = trajectory_of(values)
-    line = reach.along(trajectory, centre, centre + 1.0)
+    line = design.along(trajectory, centre, centre + 1.0)
     last = len(line.pose) - 1
-    assert 0 < last < reach.SAMPLES - 1 and np.isnan(line.position[last]).any()
+    assert 0 < last < design.SAMPLES - 1 and np.isnan(line.position[last]).any()
     for k in (0, last // 2, last - 1):
-        joints = reach.joints(trajectory, line.pose[k])
+        joints = design.joints_within_reach(trajectory, line.pose[k])
         np.testing.assert_allclose(line.position[k], joints, atol=1e-9)
-    assert np.isnan(reach.joints(trajectory, line.pose[last])).any()
+    assert np.isnan(design.joints_within_reach(trajectory, line.pose[last])).any()

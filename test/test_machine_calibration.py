@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.calibration import least_squares, measured_poses, pose_model, reach
+from parallel_robot.studies.calibration import design, least_squares, measured_poses, pose_model
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator, Tracker
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -24,8 +24,10 @@ class Case:
         self.values = resolve(scenario)
         self.robot, centre = nominal_of(self.values)
         trajectory = trajectory_of(self.values)
-        self.pose = reach.candidates(trajectory, centre, count, seed)
-        self.joints = np.array([reach.joints(trajectory, each) for each in self.pose])
+        self.pose = design.candidates(trajectory, centre, count, seed)
+        self.joints = np.array(
+            [design.joints_within_reach(trajectory, each) for each in self.pose]
+        )
         _, names, _ = self.robot.module.geometry(self.robot.parameters)
         self.numbers = [pose_model.Number('shift', k, 'm') for k in range(len(names))]
         axes = self.robot.module.coordinates(self.robot.parameters)

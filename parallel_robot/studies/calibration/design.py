@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags import output
-from parallel_robot.studies.calibration import least_squares, reach
+from parallel_robot.studies.calibration import least_squares
 from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.identification.robot_file import dump
@@ -29,9 +29,80 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.configuration.fields import Field, check, known
+from parallel_robot_model.robots.contract import REACHED
 from trajectory_gen import preflight
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.trajectory import Trajectory
+from trajectory_gen.trajectory import Reference, Trajectory
+from trajectory_gen.waypoints import Spline
+
+# Poses that a robot reaches from a first one along straight lines, as its motion limits allow.
+
+SAMPLES = 200  # of a line that is looked at
+FARTHEST = 1.5  # m or rad of a coordinate, the end of a line that nothing stops
+SHARE = 0.5  # of the line up to what stops it: nearer to singularities, little more is told
+EDGE = 0.98  # the same of lines between poses, in parts of what is left of it
+
+
+def along(trajectory: Trajectory, first: Array, last: Array) -> Reference:
+    """A straight line of poses, at an even rate, up to the first that is out of reach.
+
+    Args:
+        trajectory: Any motion of the robot, within the limits that hold.
+        first: Where it begins, shape (m,).
+        last: Where it ends, shape (m,).
+    """
+    return _line(trajectory, first, last).sample(np.linspace(0.0, 1.0, SAMPLES), beyond=False)
+
+
+def joints_within_reach(trajectory: Trajectory, pose: Array) -> Array:
+    """Joints at a pose within reach [rad or m], shape (n,)."""
+    return np.asarray(_line(trajectory, pose, pose).sample(0.0).position[0])
+
+
+def _line(trajectory: Trajectory, first: Array, last: Array) -> Trajectory:
+    coefficients = np.zeros((1, 6, len(first)))
+    coefficients[0, 4:] = last - first, first
+    return trajectory.along(Spline(np.array([0.0, 1.0]), coefficients, False))
+
+
+def reached(trajectory: Trajectory, line: Reference) -> int:
+    """How many samples of a line can be performed before the first that cannot."""
+    failures = trajectory.robot.module.infeasible(
+        trajectory.robot.parameters, trajectory.limits, line
+    )
+    lost = np.flatnonzero(line.out_of_reach != REACHED)
+    return min([len(line.pose), *(each.sample for each in failures), *lost[:1].tolist()])
+
+
+def is_clear(trajectory: Trajectory, centre: Array, first: Array, last: Array) -> bool:
+    """Whether a straight line is as far within the limits as the candidates are.
+
+    Args:
+        trajectory: Any motion of the robot, within the limits that hold.
+        centre: Pose around which they are, shape (m,).
+        first: Where the line begins, shape (m,).
+        last: Where it ends, shape (m,).
+    """
+    ends = (centre + (pose - centre) * EDGE / SHARE for pose in (first, last))
+    return reached(trajectory, along(trajectory, *ends)) == SAMPLES
+
+
+def candidates(trajectory: Trajectory, centre: Array, count: int, seed: int) -> Array:
+    """Poses in all directions from a first one, up to the limits, shape (count, m).
+
+    Every second one is at the end of its line, the others anywhere on it.
+    """
+    rng = np.random.default_rng(seed)
+    found = np.empty((count, len(centre)))
+    for k in range(count):
+        direction = rng.normal(size=len(centre))
+        direction *= FARTHEST / np.abs(direction).max()
+        line = along(trajectory, centre, centre + direction)
+        share = SHARE * (rng.uniform() if k % 2 else 1.0)
+        part = share * max(reached(trajectory, line) - 1, 0) / (SAMPLES - 1)
+        found[k] = centre + part * direction
+    return found
+
 
 CANDIDATES = 500
 PASSES = 20  # of exchanges
@@ -151,8 +222,8 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     """Choose poses of the robot of a resolved configuration, see :func:`design`."""
     robot, centre = nominal_of(values)
     trajectory = trajectory_of(values)
-    poses = np.vstack((centre, reach.candidates(trajectory, centre, CANDIDATES, seed)))
-    position = np.array([reach.joints(trajectory, pose) for pose in poses])
+    poses = np.vstack((centre, candidates(trajectory, centre, CANDIDATES, seed)))
+    position = np.array([joints_within_reach(trajectory, pose) for pose in poses])
     time = np.arange(len(poses), dtype=np.float64)
     joints = tuple(values['joints'])
     measured = MeasuredPoses(time, tuple(range(poses.shape[1])), poses)
@@ -282,14 +353,16 @@ def _motion(
     """
     stops, wanted = [centre], []
     for pose in poses:
-        if not reach.is_clear(trajectory, centre, stops[-1], pose):
+        if not is_clear(trajectory, centre, stops[-1], pose):
             stops.append(centre)
         wanted.append(len(stops))
         stops.append(pose)
     times, points, rests, now = [0.0], [stops[0]], [], 0.0
     shares = np.arange(1, INNER + 2) / (INNER + 1)
     for first, last in zip([stops[0], *stops], stops, strict=False):
-        turned = np.abs(reach.joints(trajectory, last) - reach.joints(trajectory, first)).max()
+        turned = np.abs(
+            joints_within_reach(trajectory, last) - joints_within_reach(trajectory, first)
+        ).max()
         way = max(SHORTEST, 1.875 * turned / FASTEST)  # a quintic's peak over its mean rate
         if (last != first).any():
             smooth = shares**3 * (10.0 - 15.0 * shares + 6.0 * shares**2)
