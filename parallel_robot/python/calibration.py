@@ -10,7 +10,7 @@ from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.python import arguments
-from parallel_robot.studies.calibration import bag_calibration, modes
+from parallel_robot.studies.calibration import bag_calibration
 from parallel_robot.studies.calibration.bag_calibration import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
@@ -107,13 +107,13 @@ def calibrate(
         'design': design,
         'seed': seed,
     }
-    mode, file = modes.mode(options), arguments.optional('out', out)
+    mode, file = bag_calibration.mode(options), arguments.optional('out', out)
     if file is not None:
         output.check_new(file, 'out')
     picture = arguments.optional('figure', figure)
     if picture is not None:
         check_new(picture)
-    if mode == modes.DESIGN:
+    if mode == bag_calibration.DESIGN:
         name = named('scenario', scenario)
         chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
         if file is not None:

@@ -13,7 +13,7 @@ from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.cli.robot_code import robot_code
-from parallel_robot.studies.calibration import bag_calibration, design, modes
+from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
 
 
@@ -77,7 +77,7 @@ def execute(arguments: argparse.Namespace) -> int:
         'from': arguments.start,
         'to': arguments.stop,
     }
-    if modes.mode(vars(arguments) | others) == modes.DESIGN:
+    if bag_calibration.mode(vars(arguments) | others) == bag_calibration.DESIGN:
         return _design(arguments)
     values = simulate.given(arguments)
     found = bag_calibration.calibrate(
