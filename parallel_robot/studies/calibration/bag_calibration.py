@@ -18,12 +18,7 @@ from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
-from parallel_robot.studies.calibration import (
-    least_squares,
-    measured_poses,
-    parameter_file,
-    readable,
-)
+from parallel_robot.studies.calibration import least_squares, measured_poses, readable
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.measured_poses import (
     KEPT,
@@ -78,7 +73,7 @@ class Calibration(ShownResult):
     @property
     def values(self) -> dict[str, Any]:
         """The robot as keys of the configuration and their values."""
-        groups = parameter_file.groups(self.model, self.found)
+        groups = readable.parameter_groups(self.model, self.found)
         return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
 
     def parts(self) -> list[Part]:
@@ -105,7 +100,7 @@ class Calibration(ShownResult):
         Raises:
             InputError: it cannot be written.
         """
-        content = parameter_file.text(self.model, self.found, str(self.bag))
+        content = readable.parameter_text(self.model, self.found, str(self.bag))
         output.save(out, content.encode())
 
 

@@ -8,8 +8,10 @@ import numpy as np
 
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.identification.robot_file import dump
+from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
-from parallel_robot_model.common.units import Array
+from parallel_robot_model.common.units import Array, rounded
 
 SHARE = 0.1  # in a unit vector from which an unknown is named
 MICRO = {'m': 'µm', 'rad': 'µrad', 's': 'µs'}
@@ -115,3 +117,49 @@ def as_data(model: PoseModel, found: Fit) -> dict[str, Any]:
 def rms(values: Array) -> float:
     """Root mean square."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+# A calibrated robot as YAML, for ``--param-file``.
+
+DIGITS = 10  # significant digits of a parameter
+TAKEN_OFF, SHOWN = 'estimator', 'sensor'  # groups with a zero angle: of controller and plant
+
+
+def parameter_text(model: PoseModel, found: Fit, bag: str) -> str:
+    """Contents of the file: the robot and its zero angles, and how they were found.
+
+    Args:
+        model: What was looked for.
+        found: What was found.
+        bag: Path of the bag, for the comment.
+    """
+    kept = [model.unknown[k].name for k in found.kept]
+    lines = [
+        f'The robot {model.robot.name} as calibrated from {len(model.measured.time)} poses, '
+        f'{printable(bag)}.',
+        'Estimate, half width of the 95 % interval:',
+        *(
+            f'  {each.name} = {value:.8g} +- {half:.2g} {each.unit}'
+            for k, (each, value, half) in enumerate(
+                zip(model.unknown, found.values, found.half_widths, strict=True)
+            )
+            if k not in found.kept
+        ),
+    ]
+    if kept:
+        lines.append(f'Kept as they were, as the poses do not tell them: {", ".join(kept)}.')
+    lines.append('The controller takes estimator.zero_angle off what the encoders show; a')
+    lines.append('simulated robot has the same in sensor.zero_angle.')
+    return ''.join(f'# {line}\n' for line in lines) + dump(parameter_groups(model, found))
+
+
+def parameter_groups(model: PoseModel, found: Fit) -> dict[str, dict[str, Any]]:
+    """The robot as groups of the configuration, see :func:`text`."""
+    every = model.robot_with(found.values).parameters._asdict()
+    robot = {
+        key: rounded(every[key], DIGITS)
+        for key in dict.fromkeys(each.key for each in model.numbers)
+    }
+    zero = found.values[model.zeros].tolist()
+    both = {group: {'zero_angle': rounded(zero, DIGITS)} for group in (TAKEN_OFF, SHOWN)}
+    return ({'robot': robot} if robot else {}) | both
