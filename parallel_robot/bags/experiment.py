@@ -233,7 +233,7 @@ def software() -> dict[str, str]:
     libraries = {name: _version(name) or _version(f'ros-jazzy-{name}') for name in LIBRARIES}
     facts = {
         'version': _version(PACKAGE) or 'not installed',
-        'revision': _revision(Path(__file__).resolve().parents[3]),
+        'revision': _revision(Path(__file__).resolve().parents[2]),
         'python': platform.python_version(),
         'platform': platform.platform(),
         'processor': processor(),
