@@ -19,10 +19,10 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
 from parallel_robot.studies.identification import (
     identified,
+    least_squares,
     readable,
     rest,
     robot_file,
-    unexplained,
 )
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
@@ -254,4 +254,4 @@ def _naming(bag: Path) -> Iterator[None]:
     except BagError as error:
         raise BagError(f'{bag}: {error}') from None
     except np.linalg.LinAlgError as error:
-        raise BagError(f'{bag}: {unexplained.UNKNOWN}: {error}') from None
+        raise BagError(f'{bag}: {least_squares.NOT_THESE_INERTIAS}: {error}') from None

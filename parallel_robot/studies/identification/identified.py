@@ -9,19 +9,17 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot.studies.identification import (
-    base_parameters,
-    least_squares,
-    physical_robot,
-    regression_rows,
-    unexplained,
-)
+from parallel_robot.studies.identification import base_parameters, least_squares, regression_rows
 from parallel_robot.studies.identification.base_parameters import BaseParameters
-from parallel_robot.studies.identification.least_squares import Fit, Squares, Uncertainty
+from parallel_robot.studies.identification.least_squares import (
+    Fit,
+    PhysicalRobot,
+    Squares,
+    Uncertainty,
+    Unexplained,
+)
 from parallel_robot.studies.identification.measured_motion import Motion
-from parallel_robot.studies.identification.physical_robot import PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import Rows, SomeRows
-from parallel_robot.studies.identification.unexplained import Unexplained
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
@@ -108,7 +106,7 @@ class Identified:
     @property
     def left(self) -> Unexplained:
         """What the fit leaves of the torques."""
-        return unexplained.unexplained(self.squares, self.fit)
+        return least_squares.unexplained(self.squares, self.fit)
 
 
 @dataclass(frozen=True)
@@ -158,7 +156,9 @@ def identify(nominal: Nominal, motion: Motion, cutoff: float) -> Identified:
     before, scale = base.of(nominal.inertia, *friction), base.scale(sizes, *friction)
     regression = _Regression(nominal, base, motion, cutoff)
     squares, rows, fit, delay = _fit(regression, before, scale)
-    robot = physical_robot.nearest(nominal.robot, base, fit, scale, nominal.both_frictions)
+    robot = least_squares.nearest_physical_robot(
+        nominal.robot, base, fit, scale, nominal.both_frictions
+    )
     poor = least_squares.poorly_determined(fit, base.names, scale)
     period = motion.period
     return Identified(nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period)
