@@ -18,7 +18,6 @@ from parallel_robot.studies.identification import (
     motor_lag,
     readable,
     regression_rows,
-    rest,
 )
 from parallel_robot.studies.identification.measured_motion import MeasuredMotion
 from parallel_robot_control.configuration import resolve
@@ -341,7 +340,7 @@ LIMIT = np.full(3, 200.0)
 
 def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
     """Whoever looks at the windows keeps little of them, and copies, not views of all."""
-    for module in (measured_motion, motor_lag, rest):
+    for module in (measured_motion, motor_lag, motor_lag):
         monkeypatch.setattr(module, 'LONGEST', 1500)
     monkeypatch.setattr(limits, 'HELD', 1000)
     whole, made, most = log_of(excited), [], []
@@ -359,7 +358,7 @@ def test_of_a_run_in_windows_no_window_stays(excited, monkeypatch):
             del columns, shared
             most.append(sum(column() is not None for column in made))
 
-    still, stretch = rest.Resting(1e-3), motor_lag.LongestStretch(1e-3)
+    still, stretch = motor_lag.Resting(1e-3), motor_lag.LongestStretch(1e-3)
     for log in windows():
         still.add(log)
         stretch.add(log)

@@ -10,7 +10,7 @@ from parallel_robot.python import arguments
 from parallel_robot.studies.identification import bag_identification, designed, modes
 from parallel_robot.studies.identification.bag_identification import Identification
 from parallel_robot.studies.identification.designed import Designed
-from parallel_robot.studies.identification.rest import Rest
+from parallel_robot.studies.identification.motor_lag import Rest
 from parallel_robot_sim.scenario_run import changes, named
 
 Place = str | Path

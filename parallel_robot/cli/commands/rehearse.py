@@ -22,7 +22,7 @@ from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli import invocation
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.studies.identification import bag_identification, rest
+from parallel_robot.studies.identification import bag_identification, motor_lag
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import NO_FAULT
@@ -207,9 +207,9 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
 
 def _noise(log: run_log.RunLog, values: Mapping[str, Any]) -> Finding:
     """Whether the noise that is found at rest is that of the sensors."""
-    found = rest.of(log)
+    found = motor_lag.rest_of(log)
     if found is None:
-        return Finding(False, rest.NONE)
+        return Finding(False, motor_lag.NO_REST)
     told = np.broadcast_to(values['sensor.position_noise'], found.position.shape)
     close = bool(np.all(np.abs(found.position - told) <= 0.2 * told + 1e-9))
     rad, rate = log.units.of('rad'), log.units.of('rad/s')

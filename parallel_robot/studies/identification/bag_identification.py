@@ -20,15 +20,14 @@ from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
 from parallel_robot.studies.identification import (
     identified,
     least_squares,
+    motor_lag,
     readable,
-    rest,
     robot_file,
 )
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
-from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag
+from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
-from parallel_robot.studies.identification.rest import Rest, Resting
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration.fields import group, known
@@ -78,7 +77,7 @@ class Identification(ShownResult):
             *readable.parts(self.found),
             readable.prediction(title, self.checked, self.joints),
             *(self.lag.parts() if self.lag else []),
-            *(self.rest.parts() if self.rest else [rest.NONE]),
+            *(self.rest.parts() if self.rest else [motor_lag.NO_REST]),
         ]
 
     def as_data(self) -> dict[str, Any]:
@@ -237,7 +236,7 @@ def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
 
     found = run.evaluated(look)
     if found is None:
-        raise BagError(f'{bag}: {rest.NONE}')
+        raise BagError(f'{bag}: {motor_lag.NO_REST}')
     return found
 
 
