@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Literal, overload
 
 from parallel_robot.python import arguments
-from parallel_robot.studies.identification import bag_identification, designed, modes
+from parallel_robot.studies.identification import bag_identification, modes
 from parallel_robot.studies.identification.bag_identification import Identification
-from parallel_robot.studies.identification.designed import Designed
+from parallel_robot.studies.identification.design import Designed, search
 from parallel_robot.studies.identification.motor_lag import Rest
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -108,7 +108,7 @@ def identify(
     bag_identification.check_files(robot, picture)
     if mode == modes.DESIGN:
         scenario = named('design', design)
-        motion = designed.search(scenario, changes(param_file, values), trials, seed)
+        motion = search(scenario, changes(param_file, values), trials, seed)
         if robot is not None:
             motion.write(robot)
         return motion

@@ -9,8 +9,8 @@ from pathlib import Path
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot.studies.identification import bag_identification, designed, modes
-from parallel_robot.studies.identification.designed import SEED, TRIALS
+from parallel_robot.studies.identification import bag_identification, design, modes
+from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_model.common.errors import InputError
 
@@ -87,7 +87,7 @@ def _design(arguments: argparse.Namespace) -> int:
     if arguments.out is None:
         raise InputError('--design needs --out FILE for the coefficients')
     changes = simulate.given(arguments)
-    found = designed.search(arguments.design, changes, arguments.trials, arguments.seed)
+    found = design.search(arguments.design, changes, arguments.trials, arguments.seed)
     found.write(arguments.out)
     show(
         arguments.format, found.parts(), found.as_data(), [f'{"coefficients":<13}{arguments.out}']
