@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Literal, overload
 
 from parallel_robot.python import arguments
-from parallel_robot.studies.identification import bag_identification, modes
+from parallel_robot.studies.identification import bag_identification
 from parallel_robot.studies.identification.bag_identification import Identification
 from parallel_robot.studies.identification.design import Designed, search
 from parallel_robot.studies.identification.motor_lag import Rest
@@ -102,11 +102,11 @@ def identify(
         'set': values,
         'param-file': param_file,
     }
-    mode = modes.mode(options)
+    mode = bag_identification.mode(options)
     robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
     second = arguments.optional('validate', validate)
     bag_identification.check_files(robot, picture)
-    if mode == modes.DESIGN:
+    if mode == bag_identification.DESIGN:
         scenario = named('design', design)
         motion = search(scenario, changes(param_file, values), trials, seed)
         if robot is not None:
@@ -114,7 +114,7 @@ def identify(
         return motion
     place = arguments.path('a bag', bag)
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
-    if mode == modes.REST:
+    if mode == bag_identification.REST:
         return bag_identification.at_rest(place, view)
     found = bag_identification.identify(place, second, cutoff, view)
     found.write(robot, picture)

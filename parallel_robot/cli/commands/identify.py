@@ -9,7 +9,7 @@ from pathlib import Path
 from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot.studies.identification import bag_identification, design, modes
+from parallel_robot.studies.identification import bag_identification, design
 from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_model.common.errors import InputError
@@ -63,12 +63,12 @@ def execute(arguments: argparse.Namespace) -> int:
         'from': arguments.start,
         'to': arguments.stop,
     }
-    mode = modes.mode(vars(arguments) | others)
-    if mode == modes.DESIGN:
+    mode = bag_identification.mode(vars(arguments) | others)
+    if mode == bag_identification.DESIGN:
         return _design(arguments)
     bag = arguments.bag
     view = bag_view(arguments, simulate.given(arguments))
-    if mode == modes.REST:
+    if mode == bag_identification.REST:
         still = bag_identification.at_rest(bag, view)
         show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -28,6 +28,7 @@ from parallel_robot.studies.identification.identified import Identified, Predict
 from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
+from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration.fields import group, known
@@ -254,3 +255,33 @@ def _naming(bag: Path) -> Iterator[None]:
         raise BagError(f'{bag}: {error}') from None
     except np.linalg.LinAlgError as error:
         raise BagError(f'{bag}: {least_squares.NOT_THESE_INERTIAS}: {error}') from None
+
+
+# What identifying is asked for: a robot, only the noise at rest, or an exciting motion.
+
+ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
+OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'from', 'to')
+
+
+def mode(options: Mapping[str, Any]) -> str:
+    """Which of ROBOT, REST and DESIGN some options ask for.
+
+    Args:
+        options: What was given, by the names of the command's options; None, False or an empty
+            list or mapping where nothing was.
+
+    Raises:
+        InputError: options do not go together.
+    """
+    if (options['bag'] is None) == (options['design'] is None):
+        raise InputError('identify takes either a bag or --design SCENARIO')
+    if options['design'] is not None:
+        none = ('rest', 'validate', 'figure', 'cutoff', *OF_BAG)
+        refuse(options, none, '--design reads no bag: no {}')
+        return DESIGN
+    refuse(options, ('trials', 'seed'), '{} goes with --design alone')
+    if options['rest']:
+        refused, why = ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
+        refuse(options, refused, why)
+        return REST
+    return ROBOT
