@@ -23,7 +23,7 @@ from parallel_robot.bags import output
 from parallel_robot.studies.calibration import least_squares
 from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
-from parallel_robot.studies.identification.robot_file import dump
+from parallel_robot.studies.identification.readable import dump
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
-from parallel_robot.studies.identification.robot_file import dump
+from parallel_robot.studies.identification.readable import dump
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array, rounded

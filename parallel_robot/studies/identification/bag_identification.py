@@ -17,13 +17,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
-from parallel_robot.studies.identification import (
-    identified,
-    least_squares,
-    motor_lag,
-    readable,
-    robot_file,
-)
+from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
@@ -62,7 +56,7 @@ class Identification(ShownResult):
     @property
     def values(self) -> dict[str, Any]:
         """The robot as keys of the configuration and their values."""
-        groups = robot_file.groups(self.found, self._noise)
+        groups = readable.parameter_groups(self.found, self._noise)
         return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
 
     @property
@@ -100,7 +94,9 @@ class Identification(ShownResult):
         try:
             with contextlib.ExitStack() as written:
                 if out:
-                    content = robot_file.text(self.found, str(self.bag), self._noise).encode()
+                    content = readable.parameter_text(
+                        self.found, str(self.bag), self._noise
+                    ).encode()
                     written.enter_context(output.written(out, content))
                 if figure:
                     rows, torque = self.checked.rows, self.checked.torque

@@ -20,7 +20,7 @@ import numpy as np
 
 from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
-from parallel_robot.studies.identification import base_parameters, robot_file
+from parallel_robot.studies.identification import base_parameters, readable
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety.limiting import SafetyParameters
@@ -256,7 +256,7 @@ class Designed(ShownResult):
         plant = {'initial_pose': found.parameters['center']}
         tree = {SHAPE: found.parameters, 'plant': plant}
         try:
-            output.write_new(path, (comment + robot_file.dump(tree)).encode())
+            output.write_new(path, (comment + readable.dump(tree)).encode())
         except OSError as error:
             raise InputError(f'cannot write {path}: {error.strerror}') from None
 
