@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies import machine_verification
+from parallel_robot.studies import verification
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.mechanisms import closing, closures, dynamics
@@ -87,7 +87,7 @@ def test_a_mass_that_is_a_thousandth_off_is_found(monkeypatch, capsys):
         parameters = robot.parameters._replace(mass_factor=factor)
         return MujocoMachine(robot._replace(parameters=parameters), *others)
 
-    monkeypatch.setattr(machine_verification, 'MujocoMachine', wrong)
+    monkeypatch.setattr(verification, 'MujocoMachine', wrong)
     words = '--set', 'robot_model=five_bar', '--robots', '1', '--duration', '0.1'
     assert verify(*words) == 1
     assert 'more than 1e-09' in capsys.readouterr().out

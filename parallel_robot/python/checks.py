@@ -10,10 +10,15 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import recovery
 from parallel_robot.bags.writing.recovery import Recovery
 from parallel_robot.python import arguments
-from parallel_robot.studies.machine_verification import name_of, verify_machine
-from parallel_robot.studies.robot_verification import verify_robot
 from parallel_robot.studies.tuning.compared import Compared, compare
-from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers
+from parallel_robot.studies.verification import (
+    SCENARIOS,
+    Difference,
+    check_numbers,
+    name_of,
+    verify_machine,
+    verify_robot,
+)
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration.plain_data import Placed

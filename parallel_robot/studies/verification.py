@@ -4,19 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot_control.configuration import resolve as resolve_robot
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.registry import RobotModel, resolve, robot_of
+from parallel_robot_model.configuration.fields import group
+from parallel_robot_model.configuration.plain_data import merged
+from parallel_robot_model.mechanisms.description.machine import Machine
+from parallel_robot_model.robots.described.default_values import at_home
+from parallel_robot_model.robots.registry import (
+    KERNELS,
+    RobotModel,
+    load_robots,
+    resolve,
+    robot_of,
+)
+from parallel_robot_model.robots.robot_checks import RATE, Check, checks
 from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.mujoco_machine import MujocoMachine
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant_run import Simulator
-
-if TYPE_CHECKING:
-    from parallel_robot_sim.mujoco_machine import MujocoMachine
 
 SCENARIOS = {'planar_3rrr': 'paper_circle', 'serial_2r': 'serial_2r_circle', 'axes': 'axes_step'}
 UNCERTAIN = ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip', 'lc1', 'lc2', 'inertia')
@@ -164,3 +174,161 @@ def difference(number: int, ours: Array, theirs: Array) -> Difference:
     return Difference(
         number, float(np.abs(ours - theirs).max()), float(np.ptp(ours, axis=0).max())
     )
+
+
+# One robot against its contract: whether its functions describe one machine.
+
+STATES = 20  # the first at the initial pose
+SPREAD_OF_STATES = 0.02  # m or rad, of the poses about it
+
+
+def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]:
+    """Check a robot near its initial pose, with the parameters of the true one.
+
+    Args:
+        given: Keys of the configuration and their values, robot_model and custom_robots too.
+        seed: Of poses and rates.
+
+    Returns:
+        Name of the robot, and of each check the worst result.
+
+    Raises:
+        InputError: a value is wrong, or a function of the robot cannot be used.
+    """
+    plant = configure_plant(values := values_of(given))
+    robot = plant.robot
+    margins = group(values, robot.module.SafetyMargins, 'safety')
+    centre = np.array(robot.pose_of('plant.initial_pose', plant.parameters.initial_pose))
+    random = np.random.default_rng(seed)
+    worst: dict[tuple[str, str], Check] = {}
+    for k in range(STATES):
+        pose = centre + (
+            random.uniform(-SPREAD_OF_STATES, SPREAD_OF_STATES, len(centre)) if k else 0.0
+        )
+        rate = random.uniform(-RATE, RATE, len(centre))
+        try:
+            found = [*checks(robot, plant.load, pose, rate, margins)]
+        except InputError:
+            if k:  # out of reach
+                continue
+            raise
+        for check in found:
+            key = check.function, check.what
+            if key not in worst or not check.share <= worst[key].share:
+                worst[key] = check
+    missing = KERNELS.keys() - {function for function, _ in worst}
+    what = 'anything within reach and margins, near plant.initial_pose'
+    return robot.name, [*worst.values(), *(Check(each, what, np.nan, 0.0) for each in missing)]
+
+
+def values_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration of one robot from what is given of it.
+
+    Raises:
+        InputError: a value is wrong.
+    """
+    scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
+    own = load_robots(given).defaults({'robot_model': '', **given})  # of its poses, say
+    return resolve_robot(scenario, merged([own, given]))
+
+
+# A described machine against MuJoCo's own model of its file, with random masses and motions.
+
+POSE_SPREAD = 0.05  # of the length of the machine, or rad, about the initial pose
+PUSH = 10.0  # rad/s^2 or lengths/s^2, amplitude of the torques over the inertia
+CALMER = 10  # draws after which it is halved: not every machine has room for it
+DAMPING = 3.0, 6.0  # 1/s, viscous friction over the inertia
+
+
+def name_of(given: Mapping[str, Any]) -> str:
+    """Name of a described machine.
+
+    Args:
+        given: Keys of the configuration and their values, robot_model, too.
+
+    Raises:
+        InputError: a value is wrong, or the robot is none.
+    """
+    robot = robot_of(values_of(given))
+    if not hasattr(robot.module, 'machine'):
+        raise InputError(
+            f'{robot.name} is not described by a file: without --set, robots of each kind are '
+            'compared with MuJoCo'
+        )
+    return robot.name
+
+
+def verify_machine(
+    given: Mapping[str, Any], numbers: Iterable[int], seed: int, duration: float
+) -> list[Difference]:
+    """Compare a machine with random masses, each time from a random pose under random torques.
+
+    Args:
+        given: Keys of the configuration and their values, robot_model, too.
+        numbers: Numbers of the variants; one of the same number and seed is the same.
+        seed: Of all that is random.
+        duration: Of each motion [s].
+
+    Raises:
+        InputError: MuJoCo is not installed, or the description is not MJCF.
+        RunError: no motion was found that stays in the workspace.
+    """
+    base = values_of(given)
+    robot = robot_of(base)
+    module: Any = robot.module
+    machine = module.machine(robot.parameters)
+    return [_compared_machine(given, base, machine, each, seed, duration) for each in numbers]
+
+
+def _compared_machine(
+    given: Mapping[str, Any],
+    base: Mapping[str, Any],
+    machine: Machine,
+    number: int,
+    seed: int,
+    duration: float,
+) -> Difference:
+    """Draw masses and a motion until the motion stays in the workspace; compare the poses."""
+    random = np.random.default_rng([seed, number])
+    inertia, gravity, _ = at_home(machine)
+    units = np.where([unit == 'm' for unit in machine.units], machine.mechanism.length, 1.0)
+    left = np.asarray(base['plant.torque_limit']) - np.abs(gravity)  # MuJoCo's motors have none
+    largest = np.minimum(PUSH * inertia * units, left)
+    for draw in range(DRAWS):
+        values = _drawn_machine(given, base, machine, random)
+        push = 0.5 ** (draw // CALMER) * largest
+        moved_by = gravity + torques(push, len(inertia), duration, base, random)
+        try:
+            ours = poses(values, moved_by)
+            plant = MujocoMachine(*bodies(values))
+        except RunError:
+            continue
+        except InputError as error:
+            if error.key == 'plant.initial_pose':  # out of reach
+                continue
+            raise
+        return difference(number, ours, mujoco_poses(plant, moved_by, base['period']))
+    raise RunError(f'variant {number}: no motion was found that stays in the workspace')
+
+
+def _drawn_machine(
+    given: Mapping[str, Any],
+    base: Mapping[str, Any],
+    machine: Machine,
+    random: np.random.Generator,
+) -> dict[str, Any]:
+    """A configuration with random masses, friction and pose."""
+    inertia, _, _ = at_home(machine)
+    lengths = [unit == 'm' for _, unit in machine.coordinates] or [
+        unit == 'm' for unit in machine.units
+    ]
+    spread = POSE_SPREAD * np.where(lengths, machine.mechanism.length, 1.0)
+    pose = np.asarray(base['plant.initial_pose'])
+    factor = np.broadcast_to(base['robot.mass_factor'], len(machine.names))
+    changes = PLANT | {
+        'robot.mass_factor': factor * (1.0 + SPREAD * random.uniform(-1.0, 1.0, factor.shape)),
+        'robot.payload': SPREAD * machine.mechanism.mass.max() * random.uniform(),
+        'plant.initial_pose': pose + spread * random.uniform(-1.0, 1.0, pose.shape),
+        'friction.viscous': inertia * random.uniform(*DAMPING, inertia.shape),
+    }
+    return values_of(merged([given, changes]))

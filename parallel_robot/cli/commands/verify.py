@@ -10,9 +10,15 @@ from collections.abc import Callable, Iterable
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot.studies.machine_verification import name_of, verify_machine
-from parallel_robot.studies.robot_verification import verify_robot
-from parallel_robot.studies.verification import SCENARIOS, Difference, check_numbers, verify
+from parallel_robot.studies.verification import (
+    SCENARIOS,
+    Difference,
+    check_numbers,
+    name_of,
+    verify,
+    verify_machine,
+    verify_robot,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration.plain_data import Placed
