@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.limit.causes import WHOLE, least_error
+from parallel_robot.studies.limit.calm import WHOLE, least_error
 from parallel_robot.studies.limit.linear_motion import LinearMotion, linearise
 from parallel_robot.studies.limit.prediction import Noise, errors, least, noise_of
 from parallel_robot.studies.sweep import study

@@ -14,8 +14,7 @@ import numpy as np
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
 from parallel_robot.bags.output import tracked
-from parallel_robot.studies.limit.calm import REST
-from parallel_robot.studies.limit.causes import CAUSES, NEGLIGIBLE, LeastError, least_error
+from parallel_robot.studies.limit.calm import CAUSES, NEGLIGIBLE, REST, LeastError, least_error
 from parallel_robot.studies.limit.picture import draw
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
-from parallel_robot.studies.limit.causes import WHOLE, LeastError
+from parallel_robot.studies.limit.calm import WHOLE, LeastError
 from parallel_robot_model.common.units import JointUnits
 
 SIZE = (6.5, 4.2)  # in

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from parallel_robot.studies.limit.calm import Calm
-from parallel_robot.studies.limit.causes import WHOLE, least_error
+from parallel_robot.studies.limit.calm import WHOLE, Calm, least_error
 from parallel_robot_model.common.errors import first_line
 from parallel_robot_sim.configuration import Configuration
 
