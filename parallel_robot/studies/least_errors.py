@@ -1,21 +1,29 @@
-"""The least errors of the robots of a scenario, or of a study: as tables, rows and a picture."""
+"""The least errors of the robots of a scenario, or of a study: as tables, rows and pictures."""
 
 from __future__ import annotations
 
 import csv
 import io
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
-from parallel_robot.bags.output import tracked
-from parallel_robot.studies.limit.calm import CAUSES, NEGLIGIBLE, REST, LeastError, least_error
-from parallel_robot.studies.limit.picture import draw
+from parallel_robot.analysis.report.looks import RUNS
+from parallel_robot.bags.output import tracked, without_mathematics
+from parallel_robot.studies.limit.calm import (
+    CAUSES,
+    NEGLIGIBLE,
+    REST,
+    WHOLE,
+    LeastError,
+    least_error,
+)
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
@@ -31,6 +39,45 @@ from parallel_robot_sim.configuration import Configuration, configure
 from parallel_robot_sim.imperfections import ENCODERS
 from parallel_robot_sim.simulation import ENDLESS
 from trajectory_gen.configuration import with_duration
+
+# The price of calm as a picture: least error against chattering.
+
+SIZE = (6.5, 4.2)  # in
+GRID = np.logspace(-1.5, 1.0, 60)  # N m, of chattering
+
+
+def draw(found: Mapping[str, Sequence[LeastError]], error: str, units: JointUnits) -> Figure:
+    """Draw the robots of each scenario, and their median.
+
+    Args:
+        found: Scenario to its robots.
+        error: Name and unit of the error.
+        units: Units of the joints.
+    """
+    figure = Figure(figsize=SIZE, layout='constrained')
+    panel = figure.subplots()
+    for k, (scenario, members) in enumerate(found.items()):
+        color = RUNS[k % len(RUNS)].light
+        known = [one.calm for one in members if one.calm is not None]
+        for each in known:
+            panel.plot(each.chattering, 1e6 * each.error, color=color, alpha=0.25, linewidth=0.7)
+        if known:
+            values = np.array([[1e6 * each.at(level) for level in GRID] for each in known])
+            whole = np.isfinite(values).all(axis=0)
+            middle = np.median(values[:, whole], axis=0)
+            name = without_mathematics(scenario)
+            panel.plot(GRID[whole], middle, color=color, linewidth=2.2, label=f'{name}: median')
+            limit = 1e6 * np.median([one.errors[WHOLE] for one in members if one.calm])
+            panel.axhline(limit, color=color, linestyle=':', label=f'{name}: limit, median')
+    panel.set_xscale('log')
+    panel.set_yscale('log')
+    panel.set_xlabel(units.label('torque, chattering [N m]'))
+    panel.set_ylabel(f'least {error}')
+    panel.grid(alpha=0.3, which='both')
+    if panel.lines:
+        panel.legend(fontsize=8)
+    return figure
+
 
 LEVELS = (0.1, 0.2, 0.3, 0.5, 1.0, 2.0)  # N m, of chattering
 RIGID = 'compliance, stiction: the limit is that of rigid gears that do not stick: no bound'
