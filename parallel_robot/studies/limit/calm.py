@@ -22,9 +22,15 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import SMOOTH, samples_beside
-from parallel_robot.studies.limit.geometry import geometry_error
-from parallel_robot.studies.limit.linear_motion import LinearMotion, linearise
-from parallel_robot.studies.limit.prediction import EXACT, Noise, least, noise_of
+from parallel_robot.studies.limit.prediction import (
+    EXACT,
+    LinearMotion,
+    Noise,
+    geometry_error,
+    least,
+    linearise,
+    noise_of,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_sim.configuration import Configuration, assemble_plant
