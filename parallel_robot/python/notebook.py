@@ -32,10 +32,10 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
-from parallel_robot.studies.sweep import study as studies
 from parallel_robot.studies.sweep import table
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.store import RUNS
+from parallel_robot.studies.sweep.study import file_of, parse, read
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.sweep import sweep as run_sweep
 from parallel_robot.studies.sweep.workers import Processes
@@ -395,14 +395,14 @@ def sweep(
     if isinstance(study, Mapping):
         text, name, folder = _as_yaml(study), 'study', None
     elif isinstance(study, str | Path):
-        file = studies.file_of(str(study))
-        text, name, folder = studies.read(file), str(file), file.parent
+        file = file_of(str(study))
+        text, name, folder = read(file), str(file), file.parent
     else:
         raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
     listed = None if laws is None else [named('law', law) for law in laws]
     names = None if listed is None else [*map(law_loader.name_of, listed)]
     files = law_loader.files_of(listed or (), values)
-    asked = studies.parse(text, name, folder, names).changed(runs, values | files)
+    asked = parse(text, name, folder, names).changed(runs, values | files)
     given = default_workers() if workers is None else workers
     count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
     directory = arguments.path('out', out)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import yaml
 
-from parallel_robot.studies.sweep import study_base, uncertainty
+from parallel_robot.studies.sweep import uncertainty
 from parallel_robot.studies.sweep.uncertainty import Uncertainty
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, plain_data, yaml_file
@@ -20,6 +20,59 @@ from parallel_robot_model.configuration.config_files import (
 )
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Place, Placed, locating
+
+# A study that starts from another one, its base, and says only what differs.
+
+GROUPS = ('set', 'uncertainty')  # are merged key by key; a key is in one of them
+
+
+def merged_with_base(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """What a study says with what its base says; whatever is malformed is left to be refused.
+
+    Args:
+        base: Content of the base.
+        own: Content of the study, whose keys win.
+    """
+    found = {**base, **own}
+    below, above = ({key: _keys(each, key) for key in GROUPS} for each in (base, own))
+    said = {key for group in above.values() for key in group}
+    for key in GROUPS:
+        if own.get(key) is None or isinstance(own[key], dict):
+            kept = {name: value for name, value in below[key].items() if name not in said}
+            found[key] = kept | above[key]
+    if isinstance(own.get('laws'), list):
+        found['laws'] = chosen_laws(base.get('laws'), own['laws'])
+    return found
+
+
+def chosen_laws(known: Any, names: Sequence[Any]) -> Any:
+    """Laws of a study by name.
+
+    Args:
+        known: Laws of the study, a list of names or names with gains.
+        names: A name of these keeps its gains; another is that of a law.
+    """
+    if not isinstance(known, dict) or len({*map(str, names)}) < len(names):
+        return [*names]
+    return {name: known.get(name, {}) for name in names}
+
+
+def places_with_base(
+    base: Mapping[str, Place], own: Mapping[str, Place], content: Mapping[str, Any]
+) -> dict[str, Place]:
+    """Where the keys of a study with a base stand; `content` is that of the study alone."""
+    replaced = content.keys() - {*GROUPS}
+    kept = {key: place for key, place in base.items() if key.partition('.')[0] not in replaced}
+    return {**kept, **own}
+
+
+def _keys(content: Mapping[str, Any], group: str) -> dict[str, Any]:
+    """Dotted keys of `set` or `uncertainty`, and their values."""
+    found = content.get(group)
+    if not isinstance(found, dict):
+        return {}
+    return config.flat(found) if group == 'set' else found
+
 
 MOST_RUNS = 10_000_000
 MOST_SCRAMBLES = 1000
@@ -174,7 +227,7 @@ def parse(
     """
     content, places, whole = _loaded(text, name, folder, ())
     if laws is not None:
-        content['laws'] = study_base.chosen(content.get('laws'), laws)
+        content['laws'] = chosen_laws(content.get('laws'), laws)
         places = {key: place for key, place in places.items() if key.partition('.')[0] != 'laws'}
     with locating(Placed({}, places), name):
         found = _study(content, folder)
@@ -217,7 +270,7 @@ def _loaded(
     scenarios = known.get('scenarios')
     if isinstance(scenarios, list) and all(isinstance(each, str) for each in scenarios):
         known['scenarios'] = [absolute_scenario(each, file.parent) for each in scenarios]
-    return study_base.merged(known, content), study_base.places(far, places, content), False
+    return merged_with_base(known, content), places_with_base(far, places, content), False
 
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
