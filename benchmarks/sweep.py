@@ -14,9 +14,8 @@ import checkout  # noqa: F401
 from rows import ratios, row, show
 
 from parallel_robot.studies.sweep import study
-from parallel_robot.studies.sweep.floor import floor_of
 from parallel_robot.studies.sweep.plan import plan
-from parallel_robot.studies.sweep.run_chunk import run_chunk
+from parallel_robot.studies.sweep.run_chunk import floor_of, run_chunk
 from parallel_robot.studies.sweep.sweep import sweep
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control.configuration import resolve

@@ -5,8 +5,8 @@ import pytest
 
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
+from parallel_robot.studies.sweep.run_chunk import run_task
 from parallel_robot.studies.sweep.sweep import sweep
-from parallel_robot.studies.sweep.tasks import run_task
 
 RUNS = 16
 ROWS = 2 * RUNS

@@ -89,7 +89,7 @@ def test_another_setting_of_numba_is_other_machine_code(name, tree, monkeypatch)
 
 @pytest.mark.endurance
 def test_where_machine_code_lies_does_not_say_which_code_this_is():
-    code = 'from parallel_robot.studies.sweep.tasks import version; print(version())'
+    code = 'from parallel_robot.studies.sweep.run_chunk import version; print(version())'
     found = {
         print_in_python(code, ROOT, NUMBA_CACHE_DIR=str(place)) for place in ('', '/dev/null')
     }

@@ -13,12 +13,10 @@ from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.sweep import results
-from parallel_robot.studies.sweep.floor import floor_of
-from parallel_robot.studies.sweep.run_chunk import Outcome
+from parallel_robot.studies.sweep.run_chunk import Outcome, Task, floor_of, run_task, tasks
 from parallel_robot.studies.sweep.store import Store
 from parallel_robot.studies.sweep.sweep import FILES
 from parallel_robot.studies.sweep.table import schema, table
-from parallel_robot.studies.sweep.tasks import Task, run_task, tasks
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_sim.configuration import configure
@@ -289,7 +287,7 @@ def test_every_row_has_the_limit_of_its_sample_which_is_computed_once(tmp_path, 
         asked.append(configuration)
         return floor_of(configuration)
 
-    monkeypatch.setattr('parallel_robot.studies.sweep.tasks.floor_of', counted)
+    monkeypatch.setattr('parallel_robot.studies.sweep.run_chunk.floor_of', counted)
     text = swept(tmp_path, NOISY, summarised=True)
     found = runs(tmp_path).to_pylist()
     assert len(asked) == 3 and len(found) == 6

@@ -20,8 +20,8 @@ from parallel_robot.studies.benchmark.judged_runs import TUNED, Competitors, Gai
 from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.scores import WHOLE, ScoredRun, Summary, as_data, by_label
 from parallel_robot.studies.sweep.picture import encoded
+from parallel_robot.studies.sweep.run_chunk import version
 from parallel_robot.studies.sweep.summary import STYLE, cells
-from parallel_robot.studies.sweep.tasks import version
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, ShownResult, Table

@@ -7,8 +7,7 @@ import logging
 import queue
 from typing import Any
 
-from parallel_robot.studies.sweep.run_chunk import Outcome
-from parallel_robot.studies.sweep.tasks import Task, run_task
+from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task
 from parallel_robot.studies.sweep.workers import MOST_LOSSES
 from parallel_robot_model.common.errors import InputError, RunError, first_line
 

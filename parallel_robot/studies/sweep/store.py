@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from parallel_robot.studies.locked_directory import LOCK, LockedDirectory
 from parallel_robot.studies.sweep.plan import Plan
+from parallel_robot.studies.sweep.run_chunk import version
 from parallel_robot.studies.sweep.table import Arrow, arrow, schema, with_floors
-from parallel_robot.studies.sweep.tasks import version
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.fields import plain
 

@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.metrics import Metrics, Value, of_seen, of_true
-from parallel_robot.studies.sweep.floor import Floor
 from parallel_robot.studies.sweep.plan import Plan, Row
-from parallel_robot.studies.sweep.run_chunk import Outcome
+from parallel_robot.studies.sweep.run_chunk import Floor, Outcome
 from parallel_robot_model.common.errors import optional
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.configuration.config_files import scenario_stem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from multiprocessing.connection import Connection
 
-from parallel_robot.studies.sweep.tasks import run_task
+from parallel_robot.studies.sweep.run_chunk import run_task
 from parallel_robot_model.common.errors import first_line
 
 

@@ -14,8 +14,7 @@ from multiprocessing.connection import Connection, wait
 from types import TracebackType
 from typing import IO, Protocol
 
-from parallel_robot.studies.sweep.run_chunk import Outcome
-from parallel_robot.studies.sweep.tasks import Task
+from parallel_robot.studies.sweep.run_chunk import Outcome, Task
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.processes.child_process import command, die_with_parent
 

@@ -13,9 +13,8 @@ from typing import Any
 
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
-from parallel_robot.studies.sweep.run_chunk import Outcome
+from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
 from parallel_robot.studies.sweep.sweep import progress
-from parallel_robot.studies.sweep.tasks import Task, version
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning import convergence
 from parallel_robot.studies.tuning.convergence import Rule, Verdict
