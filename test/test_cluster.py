@@ -7,7 +7,7 @@ import pytest
 from sweeping import TEXT, content, swept
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.sweep.cluster import Cluster
+from parallel_robot.studies.sweep.workers import Cluster
 from parallel_robot_model.common.errors import RunError
 
 distributed = pytest.importorskip('distributed')
@@ -55,7 +55,7 @@ def test_the_command_runs_on_a_scheduler(scheduler, tmp_path, capsys):
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://x', ''])
 def test_a_scheduler_that_is_not_there_costs_one_line(address, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('parallel_robot.studies.sweep.cluster.PATIENCE', 0.5)
+    monkeypatch.setattr('parallel_robot.studies.sweep.workers.PATIENCE', 0.5)
     file = tmp_path / 'study.yaml'
     file.write_text(TEXT)
     words = ['sweep', str(file), '--out', str(tmp_path / 'out'), '--scheduler', address]

@@ -100,7 +100,7 @@ def test_nodes_do_not_start_without_the_compiler(tmp_path):
         ('parallel_robot', 'show', 'paper_circle'),
         ('parallel_robot', 'compare', 'paper_line', *SHORT),
         ('parallel_robot_control.controller_node', '--ros-args', '-p', 'no_such_key:=1'),
-        ('parallel_robot.studies.sweep.worker', '0'),
+        ('parallel_robot.studies.sweep.workers', '0'),
     ],
 )
 def test_no_process_of_the_suite_reads_it(words, trap):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 
-from parallel_robot.studies.sweep.cluster import Cluster
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
-from parallel_robot.studies.sweep.workers import Processes, Workers
+from parallel_robot.studies.sweep.workers import Cluster, Processes, Workers
 from parallel_robot_model.common.errors import InputError
 
 
