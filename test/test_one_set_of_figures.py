@@ -11,7 +11,7 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import simulate as command
 from parallel_robot.python import notebook
-from parallel_robot.studies.sweep import table
+from parallel_robot.studies.sweep import store
 from parallel_robot.studies.sweep.run_chunk import run_chunk
 
 LAWS = ('s_fotsmc', 'computed_torque', 'pid')
@@ -55,7 +55,7 @@ def test_a_run_has_one_set_of_figures(scenario, law, values, tmp_path, capsys):
         assert defined(METRICS, other) == defined(METRICS, found)
     # sweep
     [outcome] = run_chunk([run.simulation.configuration])
-    for name, of in table.METRICS.items():
+    for name, of in store.METRICS.items():
         assert of(outcome.metrics) == pytest.approx(of(found), nan_ok=True, rel=0, abs=0), name
     # analyze, as text and as JSON
     assert main(['analyze', str(bag), '--json', str(tmp_path / 'found.json')]) == 0

@@ -10,7 +10,7 @@ from scipy import stats
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.least_errors import is_study
-from parallel_robot.studies.sweep import study, table, uncertainty
+from parallel_robot.studies.sweep import store, study, uncertainty
 from parallel_robot.studies.sweep.plan import plan, sample, sampling
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
@@ -309,7 +309,7 @@ def test_the_study_in_the_documentation_can_be_planned():
 
 
 def test_every_column_distribution_and_key_is_documented():
-    columns = set(table.IDENTITY) | {*table.METRICS} - {'duration_s'}
+    columns = set(store.IDENTITY) | {*store.METRICS} - {'duration_s'}
     for word in (*columns, *uncertainty.FORMS):
         assert f'`{word}`' in PAGE
 

@@ -14,9 +14,8 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.sweep import results
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, floor_of, run_task, tasks
-from parallel_robot.studies.sweep.store import Store
+from parallel_robot.studies.sweep.store import Store, schema, table
 from parallel_robot.studies.sweep.sweep import FILES
-from parallel_robot.studies.sweep.table import schema, table
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_sim.configuration import configure

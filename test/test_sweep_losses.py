@@ -17,8 +17,7 @@ from sweeping import ROWS, RUNS, TEXT, content, planned, runs, swept
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task, tasks, version
-from parallel_robot.studies.sweep.store import Store
-from parallel_robot.studies.sweep.table import schema, table
+from parallel_robot.studies.sweep.store import Store, schema, table
 from parallel_robot.studies.sweep.workers import MOST_LOSSES, Processes, completed
 from parallel_robot_model.common.errors import RunError
 

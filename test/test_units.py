@@ -7,7 +7,7 @@ from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import as_data, whole
 from parallel_robot.analysis.table import fields_of
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS
-from parallel_robot.studies.sweep.table import METRICS
+from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits, all_of
 from parallel_robot_model.robots.registry import resolve, units_of
 from parallel_robot_sim.motions import Motion, Motions, Poses

@@ -32,7 +32,7 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.python import arguments
-from parallel_robot.studies.sweep import table
+from parallel_robot.studies.sweep import store
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.store import RUNS
 from parallel_robot.studies.sweep.study import file_of, parse, read
@@ -271,7 +271,7 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
     rows = []
     for run in named.values():
         found = metrics(run)
-        values = {name: of(found) for name, of in table.METRICS.items()}
+        values = {name: of(found) for name, of in store.METRICS.items()}
         rows.append({'scenario': run.scenario, 'law': run.law, **values})
     frame: Frame = pandas().DataFrame(rows, index=list(named))
     return _told(frame, [run.units for run in named.values()])
@@ -323,17 +323,17 @@ def grid(
             if run.fault is not None:
                 row |= {'status': 'fault', 'reason': f'{run.fault[1]} at t = {run.fault[0]:.3f} s'}
             found = metrics(run)
-            row |= {name: of(found) for name, of in table.METRICS.items()}
+            row |= {name: of(found) for name, of in store.METRICS.items()}
             units.append(found.units)
         rows.append(row)
-    columns = [*choices, 'status', 'reason', *table.METRICS]
+    columns = [*choices, 'status', 'reason', *store.METRICS]
     return _told(frames.DataFrame(rows, columns=columns), units)
 
 
 def _told(frame: Frame, units: Iterable[JointUnits]) -> Frame:
     """A frame of metrics, named after the units of the joints of all its runs."""
     key = all_of(units).key
-    told: Frame = frame.rename(columns={name: key(name) for name in table.METRICS})
+    told: Frame = frame.rename(columns={name: key(name) for name in store.METRICS})
     return told
 
 

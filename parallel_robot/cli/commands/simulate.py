@@ -251,7 +251,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     if arguments.row is None:
         return record(arguments.scenario, overrides(arguments), arguments.out, arguments.format)
-    from parallel_robot.studies.sweep.single_row import row_of  # needed for rows alone
+    from parallel_robot.studies.sweep.store import row_of  # needed for rows alone
 
     for option in ('law', 'duration', 'hold', 'fit_speed'):
         if getattr(arguments, option) is not None:

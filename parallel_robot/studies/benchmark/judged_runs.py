@@ -24,9 +24,9 @@ from parallel_robot.studies.benchmark.protocol import (
 from parallel_robot.studies.benchmark.scores import RunFigures, RunKey, ScoredRun, Store, score
 from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
+from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot.studies.sweep.study import Variant
 from parallel_robot.studies.sweep.sweep import progress
-from parallel_robot.studies.sweep.table import METRICS
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning.effort import Effort
 from parallel_robot.studies.tuning.front import front

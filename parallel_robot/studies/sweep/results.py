@@ -15,7 +15,7 @@ from parallel_robot.studies.limit.calm import Calm
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
-from parallel_robot.studies.sweep.table import CALM, arrow
+from parallel_robot.studies.sweep.store import CALM, arrow
 from parallel_robot_model.common.units import Array, JointUnits
 from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_sim.imperfections import ENCODERS

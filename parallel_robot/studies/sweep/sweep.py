@@ -13,9 +13,8 @@ from parallel_robot.bags.output import as_it_is
 from parallel_robot.studies.sweep import results, summary
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot.studies.sweep.run_chunk import Task, tasks
-from parallel_robot.studies.sweep.store import RUNS, Store
+from parallel_robot.studies.sweep.store import RUNS, Store, schema, table
 from parallel_robot.studies.sweep.summary import Results
-from parallel_robot.studies.sweep.table import schema, table
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot_model.common.errors import InputError, RunError
 

@@ -11,8 +11,7 @@ import numpy as np
 import yaml
 
 from parallel_robot.studies.sweep import study
-from parallel_robot.studies.sweep.store import RUNS, STUDY, manifest_of
-from parallel_robot.studies.sweep.table import arrow
+from parallel_robot.studies.sweep.store import RUNS, STUDY, arrow, manifest_of
 from parallel_robot.studies.tuning.fronts import Front
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import is_scenario_path, scenario_stem
