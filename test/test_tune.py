@@ -16,9 +16,15 @@ from parallel_robot.studies.tuning.convergence import Rule
 from parallel_robot.studies.tuning.effort import Effort
 from parallel_robot.studies.tuning.front import choose, front
 from parallel_robot.studies.tuning.picture import SUFFIXES
-from parallel_robot.studies.tuning.ranges import Range
 from parallel_robot.studies.tuning.sampler import distributions, within
-from parallel_robot.studies.tuning.space import at_ends, doubts, objection, space_of, unit_of
+from parallel_robot.studies.tuning.space import (
+    Range,
+    at_ends,
+    doubts,
+    objection,
+    space_of,
+    unit_of,
+)
 from parallel_robot.studies.tuning.trial import Trial
 from parallel_robot.studies.tuning.tune import infeasible
 from parallel_robot_control.configuration import resolve

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from parallel_robot.studies.tuning.ranges import Choice, Value
-from parallel_robot.studies.tuning.space import Space
+from parallel_robot.studies.tuning.space import Choice, Space, Value
 from parallel_robot.studies.tuning.trial import Trial
 from parallel_robot_model.common.errors import optional
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from parallel_robot.studies.sweep.run_chunk import Outcome
 from parallel_robot.studies.sweep.store import METRICS
-from parallel_robot.studies.tuning.ranges import Value
+from parallel_robot.studies.tuning.space import Value
 
 FORBIDDEN = 2.0  # violation of gains that are not run; more than if all runs failed
 

@@ -19,9 +19,8 @@ from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning import convergence
 from parallel_robot.studies.tuning.convergence import Rule, Verdict
 from parallel_robot.studies.tuning.effort import MEASURES, Effort
-from parallel_robot.studies.tuning.ranges import Value
 from parallel_robot.studies.tuning.sampler import BATCH, FRONT, Goal, propose, within
-from parallel_robot.studies.tuning.space import Space, objection
+from parallel_robot.studies.tuning.space import Space, Value, objection
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import Trial, evaluated, forbidden
 from parallel_robot.studies.tuning.weights import Weights
