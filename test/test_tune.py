@@ -11,12 +11,9 @@ import yaml
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import tune
-from parallel_robot.studies.tuning import convergence, effort
-from parallel_robot.studies.tuning.convergence import Rule
-from parallel_robot.studies.tuning.effort import Effort
+from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.front import choose, front
 from parallel_robot.studies.tuning.picture import SUFFIXES
-from parallel_robot.studies.tuning.sampler import distributions, within
 from parallel_robot.studies.tuning.space import (
     Range,
     at_ends,
@@ -25,7 +22,7 @@ from parallel_robot.studies.tuning.space import (
     space_of,
     unit_of,
 )
-from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.trial import Effort, Rule, Trial, distributions, within
 from parallel_robot.studies.tuning.tune import infeasible
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import EstimatorParameters
@@ -117,14 +114,14 @@ def test_a_search_within_a_limit_ranks_by_error_inside_and_by_effort_beyond():
 
 @pytest.mark.usefixtures('undrawn')
 def test_equal_effort_of_another_measure(tmp_path):
-    assert effort.parse('torque_max=30').quantity.unit == 'N m'
+    assert trial.parse_effort('torque_max=30').quantity.unit == 'N m'
     for text, wanted in (
         ('chatering', "did you mean 'chattering'"),
         ('chattering=much', 'chattering must be a positive number'),
         ('chattering=0', 'chattering must be a positive number'),
     ):
         with pytest.raises(InputError, match=wanted):
-            effort.parse(text)
+            trial.parse_effort(text)
     out = tmp_path / 'pid'
     words = ['tune', 'pid', 'paper_circle', '--effort', 'torque_max=40', '--trials', '3']
     assert main([*words, '--out', str(out), *OPTIONS]) == 0
@@ -165,7 +162,7 @@ def test_a_search_has_converged_when_its_last_trials_brought_hardly_anything():
     rule = Rule(patience=3, improvement=0.02)
 
     def verdict(best, ran=None):
-        return convergence.judge(best, ran or [True] * len(best), rule)
+        return trial.judge_convergence(best, ran or [True] * len(best), rule)
 
     assert verdict([9.0, 5.0, 5.0, 4.95, 4.9]).converged  # 2 % within the last three
     late = verdict([9.0, 5.0, 5.0, 4.95, 4.8])
@@ -177,7 +174,7 @@ def test_a_search_has_converged_when_its_last_trials_brought_hardly_anything():
     assert not verdict([9.0, 5.0, 5.0, 5.0, 5.0], [True, True, False, False, True]).converged
     assert not verdict([math.inf, math.inf, math.inf, math.inf, 1.0]).converged
     assert verdict([0.0] * 4).converged
-    assert convergence.patience_for(7) > convergence.patience_for(4) > 0
+    assert trial.patience_for(7) > trial.patience_for(4) > 0
 
 
 @pytest.mark.endurance

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.result_format import add_format_argument, show, tell
-from parallel_robot.studies.tuning import convergence, effort
+from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.asked import IMPROVEMENT, MOST_UNTIL, PATIENCES, Asked
-from parallel_robot.studies.tuning.effort import MEASURES
+from parallel_robot.studies.tuning.trial import MEASURES
 from parallel_robot.studies.tuning.tuned import tune
 
 
@@ -59,8 +59,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--patience',
         type=int,
         metavar='N',
-        help=f'how many trials that is; default {convergence.EACH} for each gain that is '
-        f'searched, at least {convergence.FEWEST}',
+        help=f'how many trials that is; default {trial.JUDGED_EACH} for each gain that is '
+        f'searched, at least {trial.FEWEST_TRIALS}',
     )
     parser.add_argument(
         '--improvement',
@@ -108,8 +108,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='MEASURE[=LIMIT]',
         help='what the error is traded against: '
         + ', '.join(f'{name} [{each.unit}]' for name, each in MEASURES.items())
-        + f'; default {effort.DEFAULT}. With a limit, take the least error within it: laws tuned '
-        'with the same limit are compared at equal effort',
+        + f'; default {trial.DEFAULT_EFFORT}. With a limit, take the least error within it: '
+        'laws tuned with the same limit are compared at equal effort',
     )
     parser.add_argument(
         '--workers', type=int, metavar='N', help='processes, default: one for each core'

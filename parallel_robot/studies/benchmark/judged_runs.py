@@ -28,11 +28,10 @@ from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot.studies.sweep.study import Variant
 from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
-from parallel_robot.studies.tuning.effort import Effort
 from parallel_robot.studies.tuning.front import front
 from parallel_robot.studies.tuning.space import space_of
 from parallel_robot.studies.tuning.store import Store as TuningStore
-from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.trial import Effort, Trial
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot.studies.tuning.tune import run as run_tuning
 from parallel_robot_control.configuration import available

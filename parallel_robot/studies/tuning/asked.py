@@ -10,9 +10,9 @@ from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.study import Study, Variant
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
-from parallel_robot.studies.tuning import convergence, effort, weights
-from parallel_robot.studies.tuning.effort import Effort
+from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.space import space_of
+from parallel_robot.studies.tuning.trial import Effort
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
@@ -62,7 +62,7 @@ class Asked:
         law, spent = self.law, self._effort()
         asked = None
         if self.weights is not None:
-            asked = weights.parse(self.weights, spent.measure)
+            asked = trial.parse_weights(self.weights, spent.measure)
         seed = check('--seed', int, SEEDS, self.seed)
         custom = {key: fixed[key] for key in config.CUSTOM if key in fixed}
         known = available(resolve(self.scenario, custom)['custom_laws'])
@@ -76,7 +76,7 @@ class Asked:
                 raise InputError(f'uncertainty: {each.key} is one of the gains that are tuned')
         return Tuning(found, space, asked, seed, replace(spent, units=found.units))
 
-    def rule(self, tuning: Tuning) -> convergence.Rule:
+    def rule(self, tuning: Tuning) -> trial.Rule:
         """When the search has converged.
 
         Raises:
@@ -84,12 +84,12 @@ class Asked:
         """
         patience = self.patience
         if patience is None:
-            patience = convergence.patience_for(len(tuning.space.varied))
+            patience = trial.patience_for(len(tuning.space.varied))
         patience = check('--patience', int, Field('', '', 1, MOST_TRIALS), patience)
         percent = check('--improvement', float, Field('%', '', 0.0, 100.0), self.improvement)
-        return convergence.Rule(patience, percent / 100.0)
+        return trial.Rule(patience, percent / 100.0)
 
-    def count(self, rule: convergence.Rule) -> int:
+    def count(self, rule: trial.Rule) -> int:
         """How many trials are made at most.
 
         Raises:
@@ -145,8 +145,8 @@ class Asked:
             if self.effort is not None:
                 raise InputError('--chattering is the same as --effort chattering=NM: give one')
             least = check('--chattering', float, Field('N m', '', 0.0), self.chattering)
-            return Effort(effort.DEFAULT, least)
-        found = Effort() if self.effort is None else effort.parse(self.effort)
+            return Effort(trial.DEFAULT_EFFORT, least)
+        found = Effort() if self.effort is None else trial.parse_effort(self.effort)
         if found.limit is not None and self.pick is not None:
             raise InputError('--pick and a limit of --effort exclude each other')
         return found

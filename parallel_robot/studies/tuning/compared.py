@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import output
-from parallel_robot.studies.tuning import effort as efforts
-from parallel_robot.studies.tuning import equal_effort, fronts, held_out
+from parallel_robot.studies.tuning import equal_effort, fronts, held_out, trial
 from parallel_robot.studies.tuning.fronts import Front
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult
@@ -89,7 +88,7 @@ def compare(
 
 def _limit(text: str, front: Front) -> float:
     """The effort that is asked for."""
-    asked = efforts.parse(text)
+    asked = trial.parse_effort(text)
     measure = front.manifest['measure of effort']
     if asked.measure != measure or asked.limit is None:
         raise InputError(f'--effort must be {measure}=VALUE, as the tunings have it, not {text!r}')

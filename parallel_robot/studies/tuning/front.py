@@ -6,9 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from parallel_robot.studies.tuning.effort import Effort
-from parallel_robot.studies.tuning.trial import Trial
-from parallel_robot.studies.tuning.weights import Weights
+from parallel_robot.studies.tuning.trial import Effort, Trial, Weights
 from parallel_robot_model.common.errors import InputError
 
 

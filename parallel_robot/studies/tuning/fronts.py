@@ -14,8 +14,8 @@ from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
 from parallel_robot.studies.tuning import picture
-from parallel_robot.studies.tuning.effort import MEASURES
 from parallel_robot.studies.tuning.store import Store
+from parallel_robot.studies.tuning.trial import MEASURES
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table

@@ -12,9 +12,8 @@ from typing import Any
 
 from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.studies.tuning import picture
-from parallel_robot.studies.tuning.convergence import Verdict
 from parallel_robot.studies.tuning.store import Store
-from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.trial import Trial, Verdict
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.configuration.fields import Field

@@ -14,8 +14,7 @@ from matplotlib.figure import Figure
 from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep.results import Quantity
-from parallel_robot.studies.tuning.convergence import Verdict
-from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.trial import Trial, Verdict
 from parallel_robot.studies.tuning.tune import Tuning
 
 SIZE = (6.0, 4.2)  # inches

@@ -12,9 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.studies.locked_directory import LockedDirectory
-from parallel_robot.studies.tuning.sampler import FRONT, distributions, frozen, library
 from parallel_robot.studies.tuning.space import Space
-from parallel_robot.studies.tuning.trial import Trial
+from parallel_robot.studies.tuning.trial import FRONT, Trial, distributions, frozen, library
 from parallel_robot_model.common.errors import InputError, first_line
 
 JOURNAL = 'journal.log'

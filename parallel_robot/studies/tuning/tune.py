@@ -16,14 +16,24 @@ from parallel_robot.studies.sweep.results import ERRORS, Quantity
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
 from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
-from parallel_robot.studies.tuning import convergence
-from parallel_robot.studies.tuning.convergence import Rule, Verdict
-from parallel_robot.studies.tuning.effort import MEASURES, Effort
-from parallel_robot.studies.tuning.sampler import BATCH, FRONT, Goal, propose, within
 from parallel_robot.studies.tuning.space import Space, Value, objection
 from parallel_robot.studies.tuning.store import Store
-from parallel_robot.studies.tuning.trial import Trial, evaluated, forbidden
-from parallel_robot.studies.tuning.weights import Weights
+from parallel_robot.studies.tuning.trial import (
+    BATCH,
+    FRONT,
+    MEASURES,
+    Effort,
+    Goal,
+    Rule,
+    Trial,
+    Verdict,
+    Weights,
+    evaluated,
+    forbidden,
+    judge_convergence,
+    propose,
+    within,
+)
 from parallel_robot_control.configuration import available
 from parallel_robot_control.contract import Law
 from parallel_robot_model.common.errors import InputError, RunError
@@ -110,7 +120,7 @@ class Tuning:
 
     def judge(self, trials: Sequence[Trial], rule: Rule) -> Verdict:
         """Judge whether the search has converged."""
-        return convergence.judge(self.best(trials), [each.ran for each in trials], rule)
+        return judge_convergence(self.best(trials), [each.ran for each in trials], rule)
 
     def identity(self) -> dict[str, Any]:
         """What the trials depend on, by names for people."""

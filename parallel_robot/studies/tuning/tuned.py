@@ -10,12 +10,11 @@ from typing import Any
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot.studies.tuning import output
 from parallel_robot.studies.tuning.asked import Asked
-from parallel_robot.studies.tuning.convergence import Verdict
 from parallel_robot.studies.tuning.front import choose, front
 from parallel_robot.studies.tuning.output import Result
-from parallel_robot.studies.tuning.sampler import library
 from parallel_robot.studies.tuning.space import at_ends, doubts, unit_of
 from parallel_robot.studies.tuning.store import Store
+from parallel_robot.studies.tuning.trial import Verdict, library
 from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
 from parallel_robot_control import law_loader
 from parallel_robot_model.common.errors import Frame, RunError, pandas
