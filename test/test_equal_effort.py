@@ -12,7 +12,8 @@ from test_fronts import tuning
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.tuning import equal_effort, fronts
+from parallel_robot.studies.tuning import equal_effort
+from parallel_robot.studies.tuning import front as fronts
 
 pytest_plugins = ['sweeping']
 STUDY = """scenarios: [paper_circle]
@@ -35,7 +36,7 @@ def power(factor, exponent=-0.6, efforts=(0.1, 0.17, 0.41, 0.9)):
 
 
 def test_a_power_law_is_interpolated_exactly_and_not_extrapolated(tmp_path):
-    front = fronts.read(tuning(tmp_path, 'a', table=power(7.0)))
+    front = fronts.read_front(tuning(tmp_path, 'a', table=power(7.0)))
     for effort in (0.1, 0.3, 0.41, 0.9):
         assert equal_effort.error_at(front, effort) == pytest.approx(7e-6 * effort**-0.6)
     for effort in (0.0999, 0.9001):
@@ -76,7 +77,7 @@ def test_searches_of_a_law_are_one_row(tmp_path, capsys):
 
 def test_searches_in_different_spaces_are_different_rows(tmp_path):
     narrow, wide = (
-        fronts.read(tuning(tmp_path, name, seed=0, **{'search space': {'Kp': name}}))
+        fronts.read_front(tuning(tmp_path, name, seed=0, **{'search space': {'Kp': name}}))
         for name in ('narrow', 'wide')
     )
     assert [len(each.fronts) for each in equal_effort.reached([narrow, wide], 0.5)] == [1, 1]

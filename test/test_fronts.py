@@ -7,7 +7,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.tuning import fronts
+from parallel_robot.studies.tuning import front
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot_model.common.errors import InputError
 
@@ -31,8 +31,8 @@ def test_each_front_is_drawn_and_named(tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
     laws = {'a': 'pid', 'b': 's_fotsmc', 'c': 'pid'}
-    found = [fronts.read(tuning(tmp_path, name, law)) for name, law in laws.items()]
-    fronts.draw(found, 0.5)
+    found = [front.read_front(tuning(tmp_path, name, law)) for name, law in laws.items()]
+    front.draw_fronts(found, 0.5)
     (axes,) = drawn[0].axes
     assert {text.get_text(): text.get_fontweight() for text in axes.texts} == {
         'PID (a)': 'normal',
@@ -50,7 +50,7 @@ def test_a_front_is_drawn_by_its_effort_though_its_errors_do_not_fall(tmp_path, 
     drawn = []
     monkeypatch.setattr(Figure, 'savefig', lambda figure, *_, **__: drawn.append(figure))
     points = ((1.5, 8e-6), (0.1, 54e-6), (0.34, 55e-6))  # by error, on robots of a sweep
-    fronts.draw([replace(fronts.read(tuning(tmp_path, 'a')), points=points, chosen=2)])
+    front.draw_fronts([replace(front.read_front(tuning(tmp_path, 'a')), points=points, chosen=2)])
     curve, star = drawn[0].axes[0].lines
     assert [*curve.get_xdata()] == [1.5, 0.34, 0.1]
     assert [*curve.get_ydata()] == pytest.approx([8.0, 55.0, 54.0])
@@ -68,11 +68,11 @@ def test_it_writes_one_file_of_either_kind(tmp_path, capsys):
 
 
 def test_what_cannot_be_compared_is_refused(tmp_path):
-    first = fronts.read(tuning(tmp_path, 'a'))
-    other = fronts.read(tuning(tmp_path, 'b', **{'number of runs': 9}))
+    first = front.read_front(tuning(tmp_path, 'a'))
+    other = front.read_front(tuning(tmp_path, 'b', **{'number of runs': 9}))
     with pytest.raises(InputError, match='differ in the number of runs'):
-        fronts.check([first, other])
-    fronts.check([first, fronts.read(tuning(tmp_path, 'c', 'smc'))])
+        front.check_fronts([first, other])
+    front.check_fronts([first, front.read_front(tuning(tmp_path, 'c', 'smc'))])
 
 
 @pytest.mark.parametrize(

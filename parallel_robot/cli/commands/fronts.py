@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot.studies.tuning import fronts
+from parallel_robot.studies.tuning import front
 from parallel_robot.studies.tuning.compared import compare
 
 
@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar='FILE',
-        help=f'picture, {" or ".join(fronts.FORMATS)}; must not exist',
+        help=f'picture, {" or ".join(front.FORMATS)}; must not exist',
     )
     parser.add_argument(
         '--effort',

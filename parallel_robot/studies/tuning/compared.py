@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import output
-from parallel_robot.studies.tuning import equal_effort, fronts, held_out, trial
-from parallel_robot.studies.tuning.fronts import Front
+from parallel_robot.studies.tuning import equal_effort, held_out, trial
+from parallel_robot.studies.tuning.front import (
+    FORMATS,
+    Front,
+    check_fronts,
+    draw_fronts,
+    fronts_data,
+    fronts_table,
+    read_front,
+)
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult
 
@@ -31,13 +39,13 @@ class Compared(ShownResult):
     def parts(self) -> list[Part]:
         """The trials that were taken, or the laws at the effort."""
         if self.effort is None:
-            return [fronts.table(self.fronts)]
+            return [fronts_table(self.fronts)]
         return equal_effort.parts(equal_effort.reached(self.fronts, self.effort), self.effort)
 
     def as_data(self) -> list[dict[str, Any]]:
         """The same as plain data; without an effort, all points of the fronts."""
         if self.effort is None:
-            return fronts.as_data(self.fronts)
+            return fronts_data(self.fronts)
         return equal_effort.as_data(equal_effort.reached(self.fronts, self.effort), self.effort)
 
 
@@ -63,21 +71,21 @@ def compare(
         InputError: one has no front, they cannot be compared, or the file cannot be written.
         RunError: the disk is full.
     """
-    formats = fronts.FORMATS if study is None else ('.yaml', '.yml')
+    formats = FORMATS if study is None else ('.yaml', '.yml')
     if out.suffix not in formats:
         raise InputError(f'{option} must end with {" or ".join(formats)}, not {out.name!r}')
     output.check_new(out, option)
     if not directories:
         raise InputError('directories of tunings are needed')
-    found = [fronts.read(directory) for directory in directories]
-    fronts.check(found)
+    found = [read_front(directory) for directory in directories]
+    check_fronts(found)
     if sweep is not None:
         found = held_out.judged(found, sweep)
     limit = None if effort is None else _limit(effort, found[0])
     compared = Compared(found, limit, out)
     compared.parts()  # may refuse them
     if study is None:
-        content = fronts.draw(found, limit)[out.suffix.removeprefix('.')]
+        content = draw_fronts(found, limit)[out.suffix.removeprefix('.')]
     elif limit is None or sweep is not None:
         raise InputError('--study needs --effort MEASURE=VALUE, and no --sweep')
     else:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple
 
-from parallel_robot.studies.tuning.fronts import Front
+from parallel_robot.studies.tuning.front import Front
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
 

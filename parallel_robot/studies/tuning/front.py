@@ -2,12 +2,25 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from parallel_robot.studies.tuning.trial import Effort, Trial, Weights
+from parallel_robot.analysis.report.looks import RUNS, label, law_label
+from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
+from parallel_robot.studies.sweep.results import ERRORS, Quantity
+from parallel_robot.studies.tuning import picture
+from parallel_robot.studies.tuning.store import Store
+from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
+from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits
+from parallel_robot_model.configuration import yaml_file
 
 
 def front(trials: Iterable[Trial]) -> list[Trial]:
@@ -82,3 +95,174 @@ def choose(
         shown = f'error={weights.error:g}, {effort.measure}={weights.effort:g}'
         return best, f'the least weighted sum, {shown}'
     return knee(points), 'the knee of the front'
+
+
+# The fronts of several tunings in one picture: error against effort, each law at its curve.
+
+FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
+SIZE = (7.0, 4.8)  # inches; higher for more labels
+SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to be comparable
+
+
+@dataclass(frozen=True)
+class Front:
+    """The front of a tuning.
+
+    Attributes:
+        directory: Its directory.
+        manifest: What its trials depend on.
+        error: Which metric its error is.
+        points: Effort and error of its points, by rising error, in their columns' units.
+        trials: Number and gains of the trial of each point.
+        chosen: Index of the point that was taken.
+        units: Those of the joints.
+    """
+
+    directory: Path
+    manifest: dict[str, Any]
+    error: Quantity
+    points: tuple[tuple[float, float], ...]
+    trials: tuple[tuple[int, dict[str, Any]], ...]
+    chosen: int
+    units: JointUnits
+
+    @property
+    def name(self) -> str:
+        """Name of its directory."""
+        return self.directory.resolve().name
+
+    @property
+    def law(self) -> str:
+        """Name of the law."""
+        return str(self.manifest['law'])
+
+    @property
+    def effort(self) -> Quantity:
+        """Which metric its effort is."""
+        return MEASURES[self.manifest['measure of effort']].told(self.units)
+
+
+def read_front(directory: Path) -> Front:
+    """Read the front of a tuning.
+
+    Raises:
+        InputError: the directory has none.
+    """
+    manifest, table = Store.manifest(directory), str(directory / 'front.csv')
+    try:
+        with open(table, newline='') as file:
+            rows = [*csv.DictReader(file)]
+    except OSError as missing:
+        what = f'{missing.filename}: {missing.strerror}'
+        raise InputError(f'no front in {directory}: {what}') from None
+    except ValueError:
+        rows = []
+    try:
+        measure, head = MEASURES[manifest['measure of effort']], rows[0]
+        effort, units = next(
+            (told, each)
+            for each in (HINGES, SLIDES, BOTH)
+            if (told := measure.told(each)).column in head
+        )
+        (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)
+        points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
+        own = {'trial', 'chosen', effort.column, error.column}
+        gains = [key for key in head if key not in own]
+        trials = tuple(
+            (
+                int(row['trial']),
+                yaml_file.parse_assignments([f'{key}={row[key]}' for key in gains], table),
+            )
+            for row in rows
+        )
+        chosen = [row['chosen'] for row in rows].index('1')
+    except (KeyError, ValueError, IndexError, TypeError, StopIteration):
+        raise InputError(f'{table} is not the front of a tuning') from None
+    return Front(directory, manifest, error, points, trials, chosen, units)
+
+
+def check_fronts(fronts: Sequence[Front]) -> None:
+    """Refuse fronts that cannot be compared.
+
+    Raises:
+        InputError: they differ in something else than the law and its search.
+    """
+    first = fronts[0]
+    for other in fronts[1:]:
+        for key in SAME:
+            if other.manifest.get(key) != first.manifest.get(key):
+                raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
+
+
+def fronts_table(fronts: Sequence[Front]) -> Table:
+    """The points that were taken."""
+    quantities = fronts[0].effort, fronts[0].error
+    head = ['front', 'law', *(f'{each.name} [{each.unit}]' for each in quantities)]
+    rows = [
+        [
+            front.name,
+            front.law,
+            *(
+                f'{each.scale * value:.4g}'
+                for each, value in zip(quantities, front.points[front.chosen], strict=True)
+            ),
+        ]
+        for front in fronts
+    ]
+    return Table(head, rows, 'llr')
+
+
+def fronts_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
+    """The fronts as plain data."""
+    return [
+        {
+            'front': front.name,
+            'law': front.law,
+            'scenario': front.manifest['scenario'],
+            'points': [
+                {front.effort.column: effort, front.error.column: error}
+                for effort, error in front.points
+            ],
+            'chosen': front.chosen,
+        }
+        for front in fronts
+    ]
+
+
+def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[str, bytes]:
+    """Draw the fronts; the gains that were taken are stars.
+
+    Args:
+        fronts: The fronts.
+        effort: Where a line marks an effort, in the unit of its column; None: none does.
+
+    Returns:
+        Suffix to content.
+    """
+    height = max(SIZE[1], MARGIN + LINE * len(fronts))
+    figure, panel = picture.new((SIZE[0], height))
+    laws = [each.law for each in fronts]
+    ends = {}
+    for k, front in enumerate(fronts):
+        scales = front.effort.scale, front.error.scale
+        figures = np.array(front.points) * scales
+        efforts, errors = figures[np.argsort(-figures[:, 0], kind='stable')].T
+        dash = RUNS[(k + k // len(RUNS)) % len(RUNS)].dash
+        (line,) = panel.plot(
+            efforts,
+            errors,
+            color=RUNS[k % len(RUNS)].light,
+            linestyle=(0, dash) if dash else 'solid',
+            linewidth=2.2 if front.law in PAPER else 0.9,
+        )
+        panel.plot(*figures[front.chosen], '*', color=line.get_color())
+        name = law_label(front.law)
+        if laws.count(front.law) > 1:
+            name = label(f'{name} ({front.name})')
+        ends[k] = name, front.law in PAPER, line, (efforts[0], errors[0])
+    first = fronts[0]
+    if effort is not None:
+        panel.axvline(first.effort.scale * effort, color='#888888', linewidth=0.8, zorder=0)
+    picture.label(panel, str(first.manifest['scenario']), first.effort, first.error)
+    name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
+    return picture.saved(figure)

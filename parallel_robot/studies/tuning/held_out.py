@@ -12,7 +12,7 @@ import yaml
 
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.store import RUNS, STUDY, arrow, manifest_of
-from parallel_robot.studies.tuning.fronts import Front
+from parallel_robot.studies.tuning.front import Front
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import is_scenario_path, scenario_stem
 
