@@ -12,8 +12,8 @@ from test_fronts import tuning
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.tuning import equal_effort
 from parallel_robot.studies.tuning import front as fronts
+from parallel_robot.studies.tuning import held_out
 
 pytest_plugins = ['sweeping']
 STUDY = """scenarios: [paper_circle]
@@ -38,14 +38,14 @@ def power(factor, exponent=-0.6, efforts=(0.1, 0.17, 0.41, 0.9)):
 def test_a_power_law_is_interpolated_exactly_and_not_extrapolated(tmp_path):
     front = fronts.read_front(tuning(tmp_path, 'a', table=power(7.0)))
     for effort in (0.1, 0.3, 0.41, 0.9):
-        assert equal_effort.error_at(front, effort) == pytest.approx(7e-6 * effort**-0.6)
+        assert held_out.error_at(front, effort) == pytest.approx(7e-6 * effort**-0.6)
     for effort in (0.0999, 0.9001):
-        assert np.isnan(equal_effort.error_at(front, effort))
+        assert np.isnan(held_out.error_at(front, effort))
     worse = replace(front, points=((1.5, 8e-6), (0.1, 54e-6), (0.34, 55e-6)))  # on other robots
-    assert 54e-6 < equal_effort.error_at(worse, 0.3) < 55e-6
+    assert 54e-6 < held_out.error_at(worse, 0.3) < 55e-6
     for end in ((np.inf, np.inf), (0.0, 1.0)):  # half of the runs failed; a robot at rest
         broken = replace(front, points=((0.2, 1e-5), end))
-        assert np.isnan(equal_effort.error_at(broken, 0.1 if end[0] == 0.0 else 0.3))
+        assert np.isnan(held_out.error_at(broken, 0.1 if end[0] == 0.0 else 0.3))
 
 
 def searches(folder, factors=(4.0, 9.0, 5.0), **manifest):
@@ -80,7 +80,7 @@ def test_searches_in_different_spaces_are_different_rows(tmp_path):
         fronts.read_front(tuning(tmp_path, name, seed=0, **{'search space': {'Kp': name}}))
         for name in ('narrow', 'wide')
     )
-    assert [len(each.fronts) for each in equal_effort.reached([narrow, wide], 0.5)] == [1, 1]
+    assert [len(each.fronts) for each in held_out.laws_at_effort([narrow, wide], 0.5)] == [1, 1]
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import recovery
 from parallel_robot.bags.writing.recovery import Recovery
 from parallel_robot.python import arguments
-from parallel_robot.studies.tuning.compared import Compared, compare
+from parallel_robot.studies.tuning.held_out import Compared, compare
 from parallel_robot.studies.verification import (
     SCENARIOS,
     Difference,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from parallel_robot.cli.result_format import add_format_argument, show
 from parallel_robot.studies.tuning import front
-from parallel_robot.studies.tuning.compared import compare
+from parallel_robot.studies.tuning.held_out import compare
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
