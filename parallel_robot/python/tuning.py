@@ -8,8 +8,7 @@ from typing import Any
 
 from parallel_robot.python import arguments
 from parallel_robot.studies.tuning import tuned
-from parallel_robot.studies.tuning.asked import IMPROVEMENT, Asked
-from parallel_robot.studies.tuning.tuned import Tuned
+from parallel_robot.studies.tuning.tuned import IMPROVEMENT, Asked, Tuned
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.scenario_run import changes, named
 
