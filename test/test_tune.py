@@ -13,7 +13,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import tune
 from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.front import choose, front
-from parallel_robot.studies.tuning.picture import SUFFIXES
+from parallel_robot.studies.tuning.output import SUFFIXES
 from parallel_robot.studies.tuning.space import (
     Range,
     at_ends,

@@ -13,7 +13,7 @@ import numpy as np
 from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
-from parallel_robot.studies.tuning import picture
+from parallel_robot.studies.tuning import output
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
 from parallel_robot_control.laws import PAPER
@@ -99,7 +99,7 @@ def choose(
 
 # The fronts of several tunings in one picture: error against effort, each law at its curve.
 
-FORMATS = tuple(f'.{suffix}' for suffix in picture.SUFFIXES)
+FORMATS = tuple(f'.{suffix}' for suffix in output.SUFFIXES)
 SIZE = (7.0, 4.8)  # inches; higher for more labels
 SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to be comparable
 
@@ -240,7 +240,7 @@ def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[st
         Suffix to content.
     """
     height = max(SIZE[1], MARGIN + LINE * len(fronts))
-    figure, panel = picture.new((SIZE[0], height))
+    figure, panel = output.new_figure((SIZE[0], height))
     laws = [each.law for each in fronts]
     ends = {}
     for k, front in enumerate(fronts):
@@ -263,6 +263,6 @@ def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[st
     first = fronts[0]
     if effort is not None:
         panel.axvline(first.effort.scale * effort, color='#888888', linewidth=0.8, zorder=0)
-    picture.label(panel, str(first.manifest['scenario']), first.effort, first.error)
+    output.label_axes(panel, str(first.manifest['scenario']), first.effort, first.error)
     name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
-    return picture.saved(figure)
+    return output.saved_figure(figure)
