@@ -13,8 +13,8 @@ import parallel_robot as pr
 from parallel_robot.bags.reading.bag_view import view
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot.cli.bag_options import NOT_IN_FOREIGN
 from parallel_robot.cli.command_line import main
+from parallel_robot.cli.options import NOT_IN_FOREIGN
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.messages import layouts, topics

@@ -13,8 +13,8 @@ from typing import Any
 
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.options import add_bag_arguments, bag_view
 from parallel_robot_model.common.errors import InputError, StoppedError
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime

@@ -9,10 +9,9 @@ from pathlib import Path
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands import simulate
+from parallel_robot.cli.options import add_bag_arguments, bag_view, robot_code
 from parallel_robot.cli.result_format import add_format_argument, show
-from parallel_robot.cli.robot_code import robot_code
 from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
 

@@ -16,9 +16,8 @@ from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.bag_options import add_bag_arguments, bag_view
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.robot_code import robot_code
+from parallel_robot.cli.options import add_bag_arguments, bag_view, robot_code
 from parallel_robot_model.common.errors import WholeNeededError
 
 

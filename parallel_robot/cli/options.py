@@ -1,15 +1,54 @@
-"""How a bag is to be read, on a command line: the same options for all commands that read one."""
+"""Options that several commands share."""
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
+import math
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from parallel_robot.bags.reading.bag_view import NAMES, BagView, view
-from parallel_robot.cli.window import add_window_arguments
+from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
+from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+from parallel_robot.studies.sweep.workers import Cluster, Processes, Workers
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.options import number
+from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import add_namespace_argument, full
+
+# The part of a run that figures are of, on a command line.
+
+OF_FIGURES = (
+    'time of the part that all figures are of, default: errors are those of the second half of '
+    'the motion'
+)
+
+
+def add_window_arguments(parser: argparse.ArgumentParser, text: str = OF_FIGURES) -> None:
+    """Declare ``--from`` and ``--to``; `text` says what they choose."""
+    for name, dest, end in (('--from', 'start', 'first'), ('--to', 'stop', 'last')):
+        parser.add_argument(
+            name,
+            dest=dest,
+            type=_time,
+            metavar='S',
+            help=f'{end} {text}',
+        )
+
+
+def _time(text: str) -> float:
+    """A time [s].
+
+    Raises:
+        argparse.ArgumentTypeError: it is none.
+    """
+    found = number(text)
+    if not math.isfinite(found):
+        raise argparse.ArgumentTypeError(f'a time in s is wanted, not {text!r}')
+    return found
+
+
+# How a bag is to be read, on a command line: the same options for all commands that read one.
 
 NOT_IN_FOREIGN = 'none in a bag of somebody else; --figure FILE draws one'
 
@@ -90,3 +129,48 @@ def topics_of(words: list[str]) -> dict[str, str]:
             raise InputError(f'--topic takes NAME=TOPIC, with a name as {names}, not {word!r}')
         found[name.strip()] = topic.strip()
     return found
+
+
+# The code of the robot of a bag, on a command line.
+
+
+def robot_code(arguments: argparse.Namespace, values: Mapping[str, Any]) -> RobotCode:
+    """What may run to know the robot of a bag.
+
+    Args:
+        arguments: Of the command.
+        values: What ``--set`` says.
+
+    Raises:
+        InputError: it is of no list of files.
+    """
+    return RobotCode(arguments.trust, tuple(config.absolute_modules(KEY, values.get(KEY, []))))
+
+
+# The options that say who runs the work of a command: processes here, or a cluster.
+
+
+def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    parser.add_argument(
+        '--workers', type=int, metavar='N', help='processes, default: one for each core'
+    )
+    parser.add_argument(
+        '--scheduler', metavar='ADDRESS', help='run on the cluster of this dask scheduler instead'
+    )
+
+
+def workers_of(arguments: argparse.Namespace) -> tuple[Callable[[], Workers], int]:
+    """What makes those who run the work, and how many they are.
+
+    Raises:
+        InputError: the options do not fit together.
+    """
+    if arguments.scheduler is not None:
+        if arguments.workers is not None:
+            raise InputError('--workers is for processes on this machine, not for --scheduler')
+        return lambda: Cluster(arguments.scheduler), 2 * default_workers()
+    count = default_workers() if arguments.workers is None else arguments.workers
+    if not 1 <= count <= MOST_WORKERS:
+        raise InputError(f'--workers must be from 1 to {MOST_WORKERS}, not {count}')
+    return lambda: Processes(count), count
