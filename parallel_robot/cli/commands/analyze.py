@@ -33,7 +33,7 @@ from parallel_robot.cli.options import (
     bag_view,
     robot_code,
 )
-from parallel_robot.cli.result_format import add_format_argument, show
+from parallel_robot.cli.results import add_format_argument, show
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from parallel_robot.cli.options import add_worker_arguments, workers_of
-from parallel_robot.cli.result_format import add_format_argument, show, tell
+from parallel_robot.cli.results import add_format_argument, show, tell
 from parallel_robot.studies.benchmark.benchmark import SCORE, benchmarked, checked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read

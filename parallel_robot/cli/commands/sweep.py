@@ -7,7 +7,7 @@ from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.options import add_worker_arguments, workers_of
-from parallel_robot.cli.result_format import add_format_argument, show, tell
+from parallel_robot.cli.results import add_format_argument, show, tell
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import sweep

@@ -1,8 +1,11 @@
-"""A run that was recorded, and its results."""
+"""Results of commands, as text or JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import argparse
+import json
+import math
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,8 +18,59 @@ from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.reading.bag_view import AS_RECORDED
 from parallel_robot.bags.run import recorded_robot, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import RobotCode
+from parallel_robot_model.common import tables
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length
+
+# The option ``--format``: results as text, JSON, Markdown or LaTeX.
+
+TEXT, JSON = 'text', 'json'
+FORMATS = (TEXT, JSON, *(name for name in tables.FORMATS if name != TEXT))
+
+
+def add_format_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare the option."""
+    parser.add_argument(
+        '--format',
+        choices=FORMATS,
+        help='of the results: text (default), json, or tables in markdown or latex',
+    )
+
+
+def show(form: str | None, parts: Iterable[Part], data: Any, files: Iterable[str] = ()) -> None:
+    """Print results.
+
+    Args:
+        form: One of FORMATS; None: text.
+        parts: Their lines and tables.
+        data: The same as plain data, for JSON; what is not finite is null.
+        files: Lines on files that were written, see :func:`tell`.
+    """
+    if form == JSON:
+        print(json.dumps(_finite(data), indent=2))
+    elif form in (None, TEXT):
+        print(tables.text(parts))
+    else:
+        print(tables.FORMATS[form](parts))
+    tell(form, *files)
+
+
+def tell(form: str | None, *lines: str) -> None:
+    """Print lines on what is no result, such as files: in text alone."""
+    if form in (None, TEXT):
+        print(*lines, sep='\n', end='\n' if lines else '')
+
+
+def _finite(data: Any) -> Any:
+    """Plain data as JSON can have it."""
+    if isinstance(data, dict):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
+
+
+# A run that was recorded, and its results.
 
 
 class Made(NamedTuple):
@@ -40,7 +94,7 @@ class Made(NamedTuple):
         return history.failure(self.past, self.log.start_stamp, int(self.log.stamps[-1]))
 
 
-def read(out: Path, code: RobotCode) -> Made:
+def read_run(out: Path, code: RobotCode) -> Made:
     """Read the bag of a run, a long one in windows.
 
     Raises:
@@ -55,7 +109,7 @@ def read(out: Path, code: RobotCode) -> Made:
     return Made(whole.log, whole.history, timed, lambda: evaluated_bag.of_whole(out, whole))
 
 
-def lines(made: Made) -> list[str]:
+def run_lines(made: Made) -> list[str]:
     """The metrics of a run up to the first state without a pose, in lines."""
     log = made.log
     if made.failure:
@@ -71,13 +125,13 @@ def _remarks(found: EvaluatedBag) -> list[str]:
     return [f'  {text}' for text in (*found.remarks, *run_windows.stretches_told(found.parts))]
 
 
-def tables(made: Made) -> tuple[list[Part], dict[str, Any]]:
+def run_tables(made: Made) -> tuple[list[Part], dict[str, Any]]:
     """The metrics as tables, and as plain data."""
     verdict = [*filter(None, [timing.verdict(made.timed)])]
     if made.failure:
         names = {'scenario': made.log.scenario, 'law': made.log.law}
         told = {'failure': made.failure, 'timing': timing.as_json(made.timed)}
-        return [*verdict, *lines(made)], names | told
+        return [*verdict, *run_lines(made)], names | told
     found = made.evaluated()
     data = run_results.summarise(made.log, found.metrics, made.timed)
     data['law'] = ', then '.join(run_windows.laws_of(found.parts))
