@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from parallel_robot.cli import ros_remote
+from parallel_robot.cli import ros_session
 from parallel_robot.cli.command_line import main
 
 pytest_plugins = ['ros_fixtures']
@@ -43,7 +43,7 @@ def test_parameters_are_read_changed_together_and_dumped(controller, capsys):
     ],
 )
 def test_what_a_node_has_not_costs_one_line(controller, words, code, reason, capsys, monkeypatch):
-    monkeypatch.setattr(ros_remote, 'HEARD', 1.0)
+    monkeypatch.setattr(ros_session, 'HEARD', 1.0)
     assert main(words) == code
     error = capsys.readouterr().err
     assert error.count('\n') == 1 and reason in error

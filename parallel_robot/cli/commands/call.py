@@ -19,7 +19,7 @@ def execute(arguments: argparse.Namespace) -> int:
     name, slash, service = arguments.service.strip('/').rpartition('/')
     if not slash:
         raise InputError(f'call takes NODE/SERVICE, such as {arguments.service}/ready')
-    from parallel_robot.cli.ros_remote import remote  # only this command needs ROS
+    from parallel_robot.cli.ros_session import remote  # only this command needs ROS
 
     with remote(name) as node:
         done, text = node.call(service)

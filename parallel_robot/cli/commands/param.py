@@ -29,7 +29,7 @@ def execute(arguments: argparse.Namespace) -> int:
         what = {'get': 'KEY', 'set': 'KEY=VALUE', 'dump': 'no more words'}[action]
         raise InputError(f'{action} NODE takes {what}' + (f', not {words[0]!r}' if words else ''))
     changes = yaml_file.parse_assignments(words, action) if action == 'set' else {}
-    from parallel_robot.cli.ros_remote import remote  # only this command needs ROS
+    from parallel_robot.cli.ros_session import remote  # only this command needs ROS
 
     with remote(arguments.node) as node:
         if action == 'set':
