@@ -12,10 +12,10 @@ from rclpy.serialization import serialize_message
 from rich.console import Console
 from sensor_msgs.msg import JointState
 
+from parallel_robot.cli import top as view
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import top
-from parallel_robot.cli.top import view
-from parallel_robot.cli.top.app import Top
+from parallel_robot.cli.top import Top
 from parallel_robot.watch import joint_angles
 from parallel_robot.watch.joint_angles import JointAngle
 from parallel_robot.watch.robots import ERROR, GONE, OK, SILENT, Robots

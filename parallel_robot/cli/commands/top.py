@@ -38,7 +38,7 @@ def execute(arguments: argparse.Namespace) -> int:
     robots = Robots()
     with RosGraph(robots) as graph:
         if sys.stdout.isatty() and sys.stdin.isatty():
-            from parallel_robot.cli.top.app import Top
+            from parallel_robot.cli.top import Top
 
             os.nice(NICE)
             Top(robots, graph, domain, namespace).run()
@@ -55,7 +55,7 @@ def snapshot(robots: Robots, graph: Graph, domain: str, namespace: str | None) -
     """
     from rich.console import Console  # comes with textual
 
-    from parallel_robot.cli.top import view
+    from parallel_robot.cli import top
 
     begun, heard = time.monotonic(), None
     while heard is None or not settled(robots[namespace or ''], heard):
@@ -69,7 +69,7 @@ def snapshot(robots: Robots, graph: Graph, domain: str, namespace: str | None) -
             place = f'namespace {namespace} of ' if namespace else ''
             raise RunError(f'no node of the suite is heard in {place}ROS domain {domain}')
     console = Console()
-    console.print(view.screen(robots, namespace or '', domain, time.monotonic(), console.width))
+    console.print(top.screen(robots, namespace or '', domain, time.monotonic(), console.width))
 
 
 def settled(robot: Robot, heard: float) -> bool:
