@@ -5,8 +5,7 @@ import subprocess
 
 import pytest
 
-from parallel_robot.cli.command_line import build_parser
-from parallel_robot.cli.completion import WORDS, _actions
+from parallel_robot.cli.command_line import WORDS, _actions, build_parser
 from parallel_robot_model.processes.node_processes import command
 
 ROOT = os.path.dirname(os.path.dirname(__file__))

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import errno
 import logging
 import os
+import shutil
 import signal
 import sys
 import traceback
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib import import_module
+from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from parallel_robot.bags.output import MAX_LINE_LENGTH, printable_output, spell
-from parallel_robot.cli import completion
 from parallel_robot_model.common.errors import (
     InputError,
     ParallelRobotError,
@@ -24,7 +27,73 @@ from parallel_robot_model.common.errors import (
     printable,
 )
 from parallel_robot_model.common.options import Parser
+from parallel_robot_model.configuration import config, config_files
 from parallel_robot_model.processes.ending_signals import Ended
+
+# Completion of the command line in a shell, by argcomplete.
+
+COMPLETION_ASKED = '_ARGCOMPLETE'  # set by the shell while it asks
+
+
+def complete(parser: argparse.ArgumentParser) -> None:
+    """Answer the shell that asks what a word may become, and end this process."""
+    import argcomplete  # only a shell needs it
+
+    for action in _actions(parser):
+        if action.dest in WORDS:
+            action.completer = _completer(WORDS[action.dest])  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser)
+
+
+def words_to_complete() -> list[str]:
+    """Words of the line that the shell completes."""
+    return os.environ.get('COMP_LINE', '').split()
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """Arguments of a parser and of its subcommands."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for subparser in action.choices.values():
+                yield from _actions(subparser)
+
+
+def _completer(find: Callable[[], list[str]]) -> Callable[..., list[str]]:
+    """What argcomplete calls: words, and files, which may stand in their place."""
+    from argcomplete.completers import FilesCompleter
+
+    def completer(prefix: str, **_: Any) -> list[str]:
+        found = [word for word in find() if word.startswith(prefix)]
+        return found + FilesCompleter(('yaml', 'yml'))(prefix)
+
+    return completer
+
+
+def _scenarios() -> list[str]:
+    return config_files.scenario_names(config.directory() / 'scenarios')
+
+
+def _studies() -> list[str]:
+    return config_files.scenario_names(config.directory() / 'studies')
+
+
+def _laws() -> list[str]:
+    return config_files.scenario_names(config.directory() / 'laws')
+
+
+def _keys() -> list[str]:
+    return [f'{key}=' for key in config.resolve('paper_circle')]
+
+
+WORDS: dict[str, Callable[[], list[str]]] = {  # by the name that argparse gives an argument
+    'scenario': lambda: [*_scenarios(), *_studies()],
+    'study': _studies,
+    'law': _laws,
+    'laws': _laws,
+    'assignments': _keys,
+}
+
 
 COMMANDS = {
     'run': 'run the nodes in processes of their own and record them',
@@ -100,8 +169,8 @@ def main(words: Sequence[str] | None = None) -> int:
         0; 1 when a run failed; 2 when the input is wrong, after one line that says so; 128 and the
         number of the signal that stopped a run.
     """
-    if completion.ASKED in os.environ:
-        completion.complete(build_parser(completion.words()))
+    if COMPLETION_ASKED in os.environ:
+        complete(build_parser(words_to_complete()))
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
     os.environ['MPLBACKEND'] = 'agg'  # pictures go into files
@@ -153,6 +222,23 @@ def main(words: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), descriptor)
         return 128 + signal.SIGHUP
     return code
+
+
+# How the user started the command line, for commands that are told to be typed next.
+
+NAME = 'parallel_robot'
+
+
+def invocation_words() -> list[str]:
+    """The words before the subcommand; the name of the program when they cannot be known."""
+    given = Path(sys.argv[0])
+    if given.name == '__main__.py' and given.parent.name == 'parallel_robot':
+        return ['python', '-m', __name__.partition('.')[0]]
+    if given.name != NAME:
+        return [NAME]
+    if given.parts[-3:-1] == ('lib', NAME):
+        return ['ros2', 'run', NAME, NAME]
+    return [NAME] if shutil.which(NAME) == str(given) else [str(given)]
 
 
 if __name__ == '__main__':

@@ -19,7 +19,7 @@ from parallel_robot.bags import history, output
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.run import recorded_robot, run_log
 from parallel_robot.bags.run.recorded_robot import RobotCode
-from parallel_robot.cli import invocation
+from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.studies.identification import bag_identification, motor_lag
@@ -119,7 +119,7 @@ def execute(arguments: argparse.Namespace) -> int:
     moved = sorted(map(str, arguments.out.glob('[45]_*')))
     if moved:
         words = ['report', *moved, '--out', str(arguments.out / 'report')]
-        print(f'next    {shlex.join([*invocation.words(), *words])}')
+        print(f'next    {shlex.join([*command_line.invocation_words(), *words])}')
     return 1 if failed else 0
 
 

@@ -16,7 +16,7 @@ from parallel_robot.analysis.run_results import SimulatedFigures
 from parallel_robot.bags import output
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
-from parallel_robot.cli import invocation
+from parallel_robot.cli import command_line
 from parallel_robot.cli.results import TEXT, add_format_argument, show, tell
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
@@ -243,7 +243,7 @@ def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
         lines = [f'no metrics: {error}']
     except Exception as error:
         lines = [f'no metrics: {first_line(error)}']
-    command = shlex.join([*invocation.words(), 'analyze', str(bag)])
+    command = shlex.join([*command_line.invocation_words(), 'analyze', str(bag)])
     return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
 
 
