@@ -15,22 +15,19 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
-    'parallel_robot.python.benchmarks': ('benchmark',),
     'parallel_robot.python.calibration': ('calibrate',),
-    'parallel_robot.python.checks': ('fronts', 'recover', 'verify'),
     'parallel_robot.python.descriptions': ('show', 'urdf'),
     'parallel_robot.python.identification': ('identify',),
-    'parallel_robot.python.limits': ('limit',),
     'parallel_robot.python.linear': ('linearise',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
-    'parallel_robot.python.presentations': ('export', 'report', 'video'),
-    'parallel_robot.python.repetitions': ('replay', 'rerun'),
-    'parallel_robot.python.spectra': ('spectrum',),
-    'parallel_robot.python.tuning': ('tune',),
-    'parallel_robot.python.written_tables': ('table',),
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
+    'parallel_robot.python.presentations': ('export', 'report', 'video'),
+    'parallel_robot.python.repetitions': ('replay', 'rerun'),
+    'parallel_robot.python.spectra': ('spectrum',),
+    'parallel_robot.python.studies': ('benchmark', 'fronts', 'limit', 'recover', 'tune', 'verify'),
+    'parallel_robot.python.written_tables': ('table',),
     'parallel_robot_control.foreign.c_law': ('get_include',),
     'parallel_robot_model.common.errors': (
         'BagError', 'InputError', 'ParallelRobotError', 'RunError',
@@ -46,12 +43,9 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from parallel_robot.python.benchmarks import benchmark
     from parallel_robot.python.calibration import calibrate
-    from parallel_robot.python.checks import fronts, recover, verify
     from parallel_robot.python.descriptions import show, urdf
     from parallel_robot.python.identification import identify
-    from parallel_robot.python.limits import limit
     from parallel_robot.python.linear import linearise
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.notebook import (
@@ -66,7 +60,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.presentations import export, report, video
     from parallel_robot.python.repetitions import replay, rerun
     from parallel_robot.python.spectra import spectrum
-    from parallel_robot.python.tuning import tune
+    from parallel_robot.python.studies import benchmark, fronts, limit, recover, tune, verify
     from parallel_robot.python.written_tables import table
     from parallel_robot_control.foreign.c_law import get_include
     from parallel_robot_model.common.errors import (

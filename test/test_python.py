@@ -23,17 +23,15 @@ from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.python import (
-    checks,
     descriptions,
     identification,
-    limits,
     linear,
     names,
     notebook,
     presentations,
     repetitions,
     spectra,
-    tuning,
+    studies,
     written_tables,
 )
 from parallel_robot_control.laws import LAWS
@@ -71,8 +69,8 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(identification, limits, linear, names, presentations, repetitions),
-        *(checks, descriptions, spectra, tuning, written_tables),
+        *(identification, studies, linear, names, presentations, repetitions),
+        *(studies, descriptions, spectra, studies, written_tables),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
@@ -182,9 +180,9 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: presentations.video('no', 'x.gif', rate='5'), '--rate must be 1 to 100 Hz, not '),
         (lambda: presentations.export('no', 'x.txt'), "unknown table format '.txt'"),
         (lambda: presentations.export('no', 'x.csv'), 'no does not exist'),
-        (lambda: limits.limit('nowhere'), "unknown scenario 'nowhere'"),
-        (lambda: limits.limit('paper_circle', runs=2), '--runs is for studies'),
-        (lambda: limits.limit('paper_circle', figure='x.txt'), 'picture format'),
+        (lambda: studies.limit('nowhere'), "unknown scenario 'nowhere'"),
+        (lambda: studies.limit('paper_circle', runs=2), '--runs is for studies'),
+        (lambda: studies.limit('paper_circle', figure='x.txt'), 'picture format'),
         (lambda: repetitions.replay('no'), 'no does not exist'),
         (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
         (lambda: repetitions.rerun('no'), 'no does not exist'),
@@ -195,14 +193,14 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: identification.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
         (lambda: identification.identify(design='paper_circle'), '--design needs trajectory'),
         (lambda: identification.identify(design='excitation', trials=0), '--trials must be at'),
-        (lambda: tuning.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
-        (lambda: tuning.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
-        (lambda: tuning.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
-        (lambda: tuning.tune('smc', 'paper_circle', 'out', trials=0), '--trials must be from 1'),
-        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds='z=3'), 'bounds must be names'),
-        (lambda: tuning.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
-        (lambda: tuning.tune('smc', 'paper_circle', 'out', weights={'x': 1}), "weight 'x'"),
-        (lambda: tuning.tune('smc', 'paper_circle', 'out', search='a.b'), 'a list of keys'),
+        (lambda: studies.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
+        (lambda: studies.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
+        (lambda: studies.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
+        (lambda: studies.tune('smc', 'paper_circle', 'out', trials=0), '--trials must be from 1'),
+        (lambda: studies.tune('smc', 'paper_circle', 'out', bounds='z=3'), 'bounds must be names'),
+        (lambda: studies.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
+        (lambda: studies.tune('smc', 'paper_circle', 'out', weights={'x': 1}), "weight 'x'"),
+        (lambda: studies.tune('smc', 'paper_circle', 'out', search='a.b'), 'a list of keys'),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
@@ -389,7 +387,7 @@ def test_an_export_is_that_of_the_command_line(bag, tmp_path, capsys):
 
 def test_the_least_error_is_that_of_the_command_line(tmp_path, capsys):
     noise = {'disturbance.noise': 0.1, 'sensor.resolution': 1e-5}
-    found = limits.limit('paper_circle', duration=0.5, figure=tmp_path / 'calm.svg', **noise)
+    found = studies.limit('paper_circle', duration=0.5, figure=tmp_path / 'calm.svg', **noise)
     words = [f'--set={key}={value}' for key, value in noise.items()]
     out = tmp_path / 'limit.csv'
     main = ['limit', 'paper_circle', '--duration', '0.5', '--calm', *words, '--out', str(out)]
@@ -466,7 +464,7 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
 def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
     ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
     asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}
-    found = tuning.tune('smc', 'paper_circle', ours, bounds={'z': (10, 50), 'G': 12}, **asked)
+    found = studies.tune('smc', 'paper_circle', ours, bounds={'z': (10, 50), 'G': 12}, **asked)
     words = ['--duration', '0.1', '--trials', '3', '--workers', '1', '--out', theirs]
     words += ['--weights', 'error=2,chattering=1', '--bounds', 'z=10:50', '--bounds', 'G=12']
     out = commanded(capsys, 'tune', 'smc', 'paper_circle', *words)
