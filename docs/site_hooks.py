@@ -21,7 +21,7 @@ MODULES = {  # the public ones, and what each is for
     'parallel_robot.python.presentations': 'Reports, videos and tables of bags',
     'parallel_robot.python.repetitions': 'Bags computed again',
     'parallel_robot.python.studies': 'Benchmark, limit, tunings, checks',
-    'parallel_robot.python.identification': 'The robot of a bag, identified',
+    'parallel_robot.python.estimation': 'The robot of a bag, calibrated or identified',
     'parallel_robot_control.contract': 'What a control law must have',
     'parallel_robot_model.robots.contract': 'What a robot must have',
     'parallel_robot_model.compiler': 'What kernels are written with',

@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 _PLACES = {  # module to what it offers
-    'parallel_robot.python.calibration': ('calibrate',),
     'parallel_robot.python.descriptions': ('show', 'urdf'),
-    'parallel_robot.python.identification': ('identify',),
+    'parallel_robot.python.estimation': ('calibrate', 'identify'),
     'parallel_robot.python.linear': ('linearise',),
     'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.notebook': (
@@ -43,9 +42,8 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from parallel_robot.python.calibration import calibrate
     from parallel_robot.python.descriptions import show, urdf
-    from parallel_robot.python.identification import identify
+    from parallel_robot.python.estimation import calibrate, identify
     from parallel_robot.python.linear import linearise
     from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.notebook import (

@@ -24,7 +24,7 @@ from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
 from parallel_robot.python import (
     descriptions,
-    identification,
+    estimation,
     linear,
     names,
     notebook,
@@ -69,7 +69,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(identification, studies, linear, names, presentations, repetitions),
+        *(estimation, studies, linear, names, presentations, repetitions),
         *(studies, descriptions, spectra, studies, written_tables),
     ],
 )
@@ -186,13 +186,13 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: repetitions.replay('no'), 'no does not exist'),
         (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
         (lambda: repetitions.rerun('no'), 'no does not exist'),
-        (lambda: identification.identify(), 'identify takes either a bag or --design SCENARIO'),
-        (lambda: identification.identify('no'), 'no does not exist'),
-        (lambda: identification.identify('no', trials=3), '--trials goes with --design alone'),
-        (lambda: identification.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
-        (lambda: identification.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
-        (lambda: identification.identify(design='paper_circle'), '--design needs trajectory'),
-        (lambda: identification.identify(design='excitation', trials=0), '--trials must be at'),
+        (lambda: estimation.identify(), 'identify takes either a bag or --design SCENARIO'),
+        (lambda: estimation.identify('no'), 'no does not exist'),
+        (lambda: estimation.identify('no', trials=3), '--trials goes with --design alone'),
+        (lambda: estimation.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
+        (lambda: estimation.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
+        (lambda: estimation.identify(design='paper_circle'), '--design needs trajectory'),
+        (lambda: estimation.identify(design='excitation', trials=0), '--trials must be at'),
         (lambda: studies.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
         (lambda: studies.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
         (lambda: studies.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
@@ -429,7 +429,7 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
     notebook.save(simulate('excitation', duration=3, **{'true_robot.mp': 4.0}), first)
     notebook.save(simulate('paper_circle', duration=2, **{'true_robot.mp': 4.0}), second)
     ours, theirs = tmp_path / 'ours.yaml', tmp_path / 'theirs.yaml'
-    found = identification.identify(
+    found = estimation.identify(
         first, validate=second, out=ours, figure=tmp_path / 'ours.svg', cutoff=9.0
     )
     words = ['--validate', second, '--cutoff', '9', '--out', theirs]
@@ -441,10 +441,8 @@ def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
     words = ['--validate', second, '--cutoff', '9', '--format', 'json']
     assert json.loads(commanded(capsys, 'identify', first, *words)) == found.as_data()
     with pytest.raises(BagError, match='no phase of rest'):
-        identification.identify(first, rest=True)
-    motion = identification.identify(
-        design='excitation', trials=3, seed=1, out=ours.with_stem('x')
-    )
+        estimation.identify(first, rest=True)
+    motion = estimation.identify(design='excitation', trials=3, seed=1, out=ours.with_stem('x'))
     words = [
         '--design',
         'excitation',

@@ -1,10 +1,10 @@
-"""The robot of a bag, calibrated by measured poses."""
+"""The robot of a bag, calibrated or identified."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, overload
+from typing import Any, Literal, overload
 
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
@@ -14,8 +14,15 @@ from parallel_robot.studies.calibration import bag_calibration
 from parallel_robot.studies.calibration.bag_calibration import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
+from parallel_robot.studies.identification import bag_identification
+from parallel_robot.studies.identification.bag_identification import Identification
+from parallel_robot.studies.identification.design import Designed as ExcitingMotion
+from parallel_robot.studies.identification.design import search
+from parallel_robot.studies.identification.motor_lag import Rest
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.scenario_run import changes, named
+
+# The robot of a bag, calibrated by measured poses.
 
 Place = str | Path
 
@@ -133,4 +140,112 @@ def calibrate(
         found.write(file)
     if picture is not None:
         found.save_figure(picture)
+    return found
+
+
+# The robot of a bag, identified.
+
+
+@overload
+def identify(
+    bag: Place,
+    *,
+    validate: Place | None = None,
+    out: Place | None = None,
+    figure: Place | None = None,
+    cutoff: float | None = None,
+    **options: Any,
+) -> Identification: ...
+@overload
+def identify(bag: Place, *, rest: Literal[True], **options: Any) -> Rest: ...
+@overload
+def identify(
+    *,
+    design: Place,
+    out: Place | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> ExcitingMotion: ...
+def identify(
+    bag: Place | None = None,
+    *,
+    validate: Place | None = None,
+    rest: bool = False,
+    out: Place | None = None,
+    figure: Place | None = None,
+    cutoff: float | None = None,
+    design: Place | None = None,
+    trials: int | None = None,
+    seed: int | None = None,
+    param_file: Place | Iterable[Place] | None = None,
+    **values: Any,
+) -> Identification | Rest | ExcitingMotion:
+    """Identify inertia and friction of the robot of a bag, as ``parallel_robot identify`` does.
+
+    >>> import parallel_robot as pr
+    >>> heavy = {'true_robot.mp': 4.0}
+    >>> pr.save(pr.simulate('excitation', law='pid', duration=3, **heavy), 'runs/excited')
+    >>> found = pr.identify('runs/excited')
+    >>> round(found.values['robot.mp'], 1)
+    4.0
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        validate: Another bag of the same robot, whose torques are predicted.
+        rest: Whether only the noise of the sensors is asked for, of a robot that rests.
+        out: YAML file of the robot, for ``param_file``, which must not exist; default: none.
+        figure: Picture of the torques, measured and predicted; likewise.
+        cutoff: Bandwidth of the regression [Hz]; default: 10, or a tenth of the rate.
+        design: Scenario with an exciting motion of which better coefficients are searched for: in
+            place of a bag.
+        trials: Number of motions to try for it; default: 2500.
+        seed: Seed of that search; default: 0.
+        param_file: YAML file with keys of the configuration of `design`, or of a bag that has
+            none, or several.
+        values: Keys of that configuration and their values; and what a bag does not say itself,
+            see ``load``.
+
+    Returns:
+        The robot as keys of the configuration, ``values``, with tables and warnings; with `rest`
+        the noise of the sensors; with `design` the motion.
+
+    Raises:
+        BagError: not a bag of a run, too little of it can be used, or of another robot.
+        InputError: arguments do not go together, a value is wrong, or a file cannot be written.
+    """
+    of_bag = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
+    options = {
+        **of_bag,
+        'from': of_bag.get('start'),
+        'to': of_bag.get('stop'),
+        'bag': bag,
+        'design': design,
+        'rest': rest,
+        'out': out,
+        'validate': validate,
+        'figure': figure,
+        'cutoff': cutoff,
+        'trials': trials,
+        'seed': seed,
+        'set': values,
+        'param-file': param_file,
+    }
+    mode = bag_identification.mode(options)
+    robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
+    second = arguments.optional('validate', validate)
+    bag_identification.check_files(robot, picture)
+    if mode == bag_identification.DESIGN:
+        scenario = named('design', design)
+        motion = search(scenario, changes(param_file, values), trials, seed)
+        if robot is not None:
+            motion.write(robot)
+        return motion
+    place = arguments.path('a bag', bag)
+    view = arguments.view({**of_bag, **values, 'param_file': param_file})
+    if mode == bag_identification.REST:
+        return bag_identification.at_rest(place, view)
+    found = bag_identification.identify(place, second, cutoff, view)
+    found.write(robot, picture)
     return found
