@@ -22,8 +22,7 @@ _PLACES = {  # module to what it offers
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
-    'parallel_robot.python.presentations': ('export', 'report', 'video'),
-    'parallel_robot.python.repetitions': ('replay', 'rerun'),
+    'parallel_robot.python.presentations': ('export', 'replay', 'report', 'rerun', 'video'),
     'parallel_robot.python.spectra': ('spectrum',),
     'parallel_robot.python.studies': ('benchmark', 'fronts', 'limit', 'recover', 'tune', 'verify'),
     'parallel_robot.python.written_tables': ('table',),
@@ -55,8 +54,7 @@ if TYPE_CHECKING:
         save,
         sweep,
     )
-    from parallel_robot.python.presentations import export, report, video
-    from parallel_robot.python.repetitions import replay, rerun
+    from parallel_robot.python.presentations import export, replay, report, rerun, video
     from parallel_robot.python.spectra import spectrum
     from parallel_robot.python.studies import benchmark, fronts, limit, recover, tune, verify
     from parallel_robot.python.written_tables import table

@@ -29,7 +29,6 @@ from parallel_robot.python import (
     names,
     notebook,
     presentations,
-    repetitions,
     spectra,
     studies,
     written_tables,
@@ -69,7 +68,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(estimation, studies, linear, names, presentations, repetitions),
+        *(estimation, studies, linear, names, presentations, presentations),
         *(studies, descriptions, spectra, studies, written_tables),
     ],
 )
@@ -183,9 +182,9 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: studies.limit('nowhere'), "unknown scenario 'nowhere'"),
         (lambda: studies.limit('paper_circle', runs=2), '--runs is for studies'),
         (lambda: studies.limit('paper_circle', figure='x.txt'), 'picture format'),
-        (lambda: repetitions.replay('no'), 'no does not exist'),
-        (lambda: repetitions.replay('no', figure='x.txt'), 'picture format'),
-        (lambda: repetitions.rerun('no'), 'no does not exist'),
+        (lambda: presentations.replay('no'), 'no does not exist'),
+        (lambda: presentations.replay('no', figure='x.txt'), 'picture format'),
+        (lambda: presentations.rerun('no'), 'no does not exist'),
         (lambda: estimation.identify(), 'identify takes either a bag or --design SCENARIO'),
         (lambda: estimation.identify('no'), 'no does not exist'),
         (lambda: estimation.identify('no', trials=3), '--trials goes with --design alone'),
@@ -401,11 +400,11 @@ def test_the_least_error_is_that_of_the_command_line(tmp_path, capsys):
 
 
 def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
-    found = repetitions.replay(bag)
+    found = presentations.replay(bag)
     assert repr(found) + '\n' == commanded(capsys, 'replay', bag)
     assert found.differing == 0 == found.late
     np.testing.assert_array_equal(found.torque, found.recorded)
-    other = repetitions.replay(bag, law='pid', figure=tmp_path / 'ours.svg', **{'pid.Kp': 1000})
+    other = presentations.replay(bag, law='pid', figure=tmp_path / 'ours.svg', **{'pid.Kp': 1000})
     figure = tmp_path / 'theirs.svg'
     words = ['--law', 'pid', '--set', 'pid.Kp=1000', '--figure', figure]
     assert f'{other!r}\nfigure  {figure}\n' == commanded(capsys, 'replay', bag, *words)
@@ -414,14 +413,14 @@ def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
 
 
 def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
-    found = repetitions.rerun(bag, tmp_path / 'ours')
+    found = presentations.rerun(bag, tmp_path / 'ours')
     said = commanded(capsys, 'rerun', bag, '--out', tmp_path / 'theirs')
     assert found.identical and found.lines() == said.splitlines()[-1:]
     assert messages(found.bag) == messages(tmp_path / 'theirs')
-    short = repetitions.rerun(bag, tmp_path / 'short', duration=0.1)
+    short = presentations.rerun(bag, tmp_path / 'short', duration=0.1)
     assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
     with pytest.raises(BagError, match='exists'):
-        repetitions.rerun(bag, tmp_path / 'ours')
+        presentations.rerun(bag, tmp_path / 'ours')
 
 
 def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
@@ -483,11 +482,11 @@ def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
     notebook.save(simulate('paper_circle', law='mine', duration=0.02, custom_laws=[law]), bag)
     law.unlink()
     with pytest.raises(BagError, match='holds the code of the law mine'):
-        repetitions.replay(bag)
+        presentations.replay(bag)
     with pytest.raises(BagError, match='holds the code of the law mine'):
-        repetitions.rerun(bag)
-    assert repetitions.replay(bag, trust=True).differing == 0
-    assert repetitions.rerun(bag, trust=True).identical
+        presentations.rerun(bag)
+    assert presentations.replay(bag, trust=True).differing == 0
+    assert presentations.rerun(bag, trust=True).identical
     assert capsys.readouterr() == ('', '')
 
 
