@@ -25,7 +25,6 @@ from parallel_robot.cli import command_line
 from parallel_robot.python import (
     descriptions,
     estimation,
-    linear,
     names,
     notebook,
     presentations,
@@ -68,7 +67,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(estimation, studies, linear, names, presentations, presentations),
+        *(estimation, studies, spectra, names, presentations, presentations),
         *(studies, descriptions, spectra, studies, written_tables),
     ],
 )
