@@ -17,7 +17,7 @@ OUTSIDE = {'README.md': 'index.md', 'CONTRIBUTING.md': '', 'CHANGELOG.md': ''}  
 MODULES = {  # the public ones, and what each is for
     'parallel_robot_sim.scenario_run': 'A closed loop without ROS',
     'parallel_robot.python.notebook': 'Metrics, pictures and tables for notebooks',
-    'parallel_robot.python.names': 'What there is by name',
+    'parallel_robot.python.written_tables': 'What there is by name, and results as tables',
     'parallel_robot.python.presentations': 'Reports, videos, tables of bags; bags computed again',
     'parallel_robot.python.studies': 'Benchmark, limit, tunings, checks',
     'parallel_robot.python.estimation': 'The robot of a bag, calibrated or identified',

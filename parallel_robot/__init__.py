@@ -17,14 +17,13 @@ import parallel_robot_model  # noqa: F401, before Numba
 _PLACES = {  # module to what it offers
     'parallel_robot.python.descriptions': ('show', 'urdf'),
     'parallel_robot.python.estimation': ('calibrate', 'identify'),
-    'parallel_robot.python.names': ('laws', 'scenarios'),
     'parallel_robot.python.notebook': (
         'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
     ),
     'parallel_robot.python.presentations': ('export', 'replay', 'report', 'rerun', 'video'),
     'parallel_robot.python.spectra': ('linearise', 'spectrum'),
     'parallel_robot.python.studies': ('benchmark', 'fronts', 'limit', 'recover', 'tune', 'verify'),
-    'parallel_robot.python.written_tables': ('table',),
+    'parallel_robot.python.written_tables': ('laws', 'scenarios', 'table'),
     'parallel_robot_control.foreign.c_law': ('get_include',),
     'parallel_robot_model.common.errors': (
         'BagError', 'InputError', 'ParallelRobotError', 'RunError',
@@ -42,7 +41,6 @@ __all__ = [
 if TYPE_CHECKING:
     from parallel_robot.python.descriptions import show, urdf
     from parallel_robot.python.estimation import calibrate, identify
-    from parallel_robot.python.names import laws, scenarios
     from parallel_robot.python.notebook import (
         compare,
         grid,
@@ -55,7 +53,7 @@ if TYPE_CHECKING:
     from parallel_robot.python.presentations import export, replay, report, rerun, video
     from parallel_robot.python.spectra import linearise, spectrum
     from parallel_robot.python.studies import benchmark, fronts, limit, recover, tune, verify
-    from parallel_robot.python.written_tables import table
+    from parallel_robot.python.written_tables import laws, scenarios, table
     from parallel_robot_control.foreign.c_law import get_include
     from parallel_robot_model.common.errors import (
         BagError,

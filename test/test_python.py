@@ -25,7 +25,6 @@ from parallel_robot.cli import command_line
 from parallel_robot.python import (
     descriptions,
     estimation,
-    names,
     notebook,
     presentations,
     spectra,
@@ -67,7 +66,7 @@ def messages(bag):
     'module',
     [
         *(parallel_robot, scenario_run, notebook),
-        *(estimation, studies, spectra, names, presentations, presentations),
+        *(estimation, studies, spectra, written_tables, presentations, presentations),
         *(studies, descriptions, spectra, studies, written_tables),
     ],
 )
@@ -168,8 +167,11 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.z': 3}), 'smc.z must have a list of'),
         (lambda: notebook.grid('paper_circle', 'smc', {'smc.zz': [3]}), "did you mean 'smc.z'"),
-        (lambda: names.laws('mine.py'), "custom_laws must be a list of files, not 'mine.py'"),
-        (lambda: names.laws(['no.py']), 'no.py'),
+        (
+            lambda: written_tables.laws('mine.py'),
+            "custom_laws must be a list of files, not 'mine.py'",
+        ),
+        (lambda: written_tables.laws(['no.py']), 'no.py'),
         (lambda: presentations.report(3, 'out'), 'a bag must be a path, not 3'),
         (lambda: presentations.report([], 'out'), 'a bag is needed'),
         (lambda: presentations.report('no', 'out'), 'no does not exist'),
@@ -324,11 +326,11 @@ def test_a_picture_is_small_in_a_notebook_and_overwrites_nothing(run, tmp_path):
 
 
 def test_laws_and_scenarios_are_those_of_the_command_line(tmp_path):
-    assert list(names.scenarios().index) == config.scenarios()
-    assert list(names.laws().index) == list(LAWS)
+    assert list(written_tables.scenarios().index) == config.scenarios()
+    assert list(written_tables.laws().index) == list(LAWS)
     law = tmp_path / 'mine.py'
     law.write_text(f"TITLE = 'Mine'\n{LAW}")
-    assert names.laws([law]).loc['mine'].tolist() == ['Mine', '', ('Kp', 'Ki', 'Kd')]
+    assert written_tables.laws([law]).loc['mine'].tolist() == ['Mine', '', ('Kp', 'Ki', 'Kd')]
 
 
 @pytest.fixture(scope='module')
