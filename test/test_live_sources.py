@@ -11,7 +11,7 @@ from parallel_robot.analysis.frames import Frames
 from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
-from parallel_robot.live import bag_source, bag_windows
+from parallel_robot.live import bag_source
 from parallel_robot.live.bag_source import BagSource, open_bag
 from parallel_robot.live.frames import HEADER
 from parallel_robot.live.graph_source import GraphSource
@@ -295,7 +295,7 @@ def test_a_long_bag_plays_from_windows(tmp_path, monkeypatch):
     bag = tmp_path / 'bag'
     assert main(['simulate', 'paper_circle', '--duration', '6', '--out', str(bag)]) == 0
     monkeypatch.setattr(evaluated_bag, 'LONG', 1.0)
-    monkeypatch.setattr(bag_windows, 'AHEAD', 0.7)
+    monkeypatch.setattr(bag_source, 'AHEAD', 0.7)
     for name, seconds in (('AHEAD', 0.7), ('PAST', 0.5), ('NEAR', 0.2)):
         monkeypatch.setattr(bag_source, name, seconds)
     steps = [
