@@ -14,8 +14,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.live import bag_source
 from parallel_robot.live.bag_source import BagSource, open_bag
 from parallel_robot.live.frames import HEADER
-from parallel_robot.live.graph_source import GraphSource
-from parallel_robot.live.graph_values import known_values, meant
+from parallel_robot.live.graph_source import GraphSource, known_values, meant
 from parallel_robot.live.readable_state import setup
 from parallel_robot.live.source import Description, RefusedError
 from parallel_robot.watch.robots import OK, Robots

@@ -4,31 +4,178 @@ from __future__ import annotations
 
 import asyncio
 import json
+import re
 import subprocess
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from parallel_robot.analysis.replay.replayed import Ghost
 from parallel_robot.live import readable_state
 from parallel_robot.live.frames import Camera, Motion
-from parallel_robot.live.graph_values import known_values, meant, of_robot
 from parallel_robot.live.motion_buffer import MotionBuffer, States
 from parallel_robot.live.recording import Recording
 from parallel_robot.live.source import RefusedError
-from parallel_robot.live.watched import Graph, Watched
+from parallel_robot.watch.graph import Tell
 from parallel_robot.watch.robots import Robots
 from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import differs
+
+# The configuration of a graph from what its nodes say, and values for its parameters.
+
+SEEN = re.compile(r'robot_model|joints|(robot|controller)\.')  # on which a picture depends
+SHIPPED = 'paper_circle'  # where nothing is known of the scenario
+
+
+def known_values(
+    parameters: Mapping[str, Mapping[str, Any]], given: Mapping[str, Any] | None
+) -> dict[str, Any]:
+    """The configuration of a graph, as far as it is known.
+
+    Code and files that the nodes name are not opened: they come over the wire.
+
+    Args:
+        parameters: Parameters by node.
+        given: Configuration of a graph that was started here; None for any other.
+
+    Raises:
+        InputError: its robot is not one of the suite.
+    """
+    heard = {
+        key: value
+        for node in ('trajectory', 'controller')
+        for key, value in parameters.get(node, {}).items()
+        if value is not None and key not in config.CUSTOM
+    }
+    values = dict(given or _shipped(heard))
+    return values | {key: value for key, value in heard.items() if key in values}
+
+
+def of_robot(values: Mapping[str, Any]) -> dict[str, Any]:
+    """What a picture of the robot depends on, of a configuration."""
+    return {key: value for key, value in values.items() if SEEN.match(key)}
+
+
+def _shipped(heard: Mapping[str, Any]) -> dict[str, Any]:
+    scenario = str(heard.get('scenario', SHIPPED))
+    if '/' not in scenario:
+        try:
+            return config.resolve(scenario)
+        except ParallelRobotError:
+            pass
+    robot = str(heard.get('robot_model', 'planar_3rrr'))
+    return config.resolve(SHIPPED, {'robot_model': robot})
+
+
+def meant(key: str, present: Any, value: Any) -> Any:
+    """A value from a browser as the type that a parameter has; its node checks the rest.
+
+    A single number stands for all joints.
+
+    Raises:
+        RefusedError: it is of another type.
+    """
+    if isinstance(present, list) and present and isinstance(present[0], float):
+        items = value if isinstance(value, list) else [value] * len(present)
+        return [_number(key, item) for item in items]
+    if isinstance(present, float):
+        return _number(key, value)
+    if type(value) is not type(present):
+        raise RefusedError(f'{key} must be like {present!r}, not {value!r:.40}')
+    return value
+
+
+def _number(key: str, value: Any) -> float:
+    try:
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            return float(value)
+    except OverflowError:
+        pass
+    raise RefusedError(f'{key} must be a number, not {value!r:.40}')
+
+
+# Which robot of a graph is watched, and what its nodes say of themselves.
+
+
+class Graph(Protocol):
+    """What is needed of ros_live_graph.LiveGraph."""
+
+    parameters: dict[str, dict[str, Any]]
+    descriptions: dict[str, dict[str, Any]]
+
+    def watch(self, namespace: str) -> None:
+        """Read one robot, by its namespace."""
+
+    def look(self) -> None:
+        """Take all that has come."""
+
+    def heard(self, topic: topics.Topic, joints: tuple[str, ...]) -> Any:
+        """Messages of states or references since the last call."""
+
+    def ask_parameters(self) -> None:
+        """Ask the nodes for their parameters, where they are not known."""
+
+    def forget(self) -> None:
+        """Ask for all parameters anew."""
+
+    def set_parameter(self, node: str, key: str, value: Any, tell: Tell) -> None:
+        """Change a parameter of a node."""
+
+    def emergency_stop(self, tell: Tell) -> None:
+        """Begin the safe action."""
+
+    def clear_fault(self, tell: Tell) -> None:
+        """End the safe action."""
+
+    def reset(self, tell: Tell) -> None:
+        """Put the robot back to its start."""
+
+
+class Watched:
+    """The robot of a namespace, or the first that is heard.
+
+    Attributes:
+        namespace: Full name of its namespace.
+        parameters: Parameters by node, as they were when they were last looked at.
+        started: Whether its trajectory node was not known before that.
+    """
+
+    def __init__(self, graph: Graph, robots: Robots, namespace: str | None) -> None:
+        """Watch.
+
+        Args:
+            graph: The graph; the caller enters and leaves it.
+            robots: What its nodes report.
+            namespace: Full name; None for the first that is heard.
+        """
+        self._graph, self._robots = graph, robots
+        self._fixed, self.namespace = namespace is not None, namespace or ''
+        self.parameters: dict[str, dict[str, Any]] = {}
+        self.started = False
+        graph.watch(self.namespace)
+
+    def changed(self) -> bool:
+        """See which nodes run; whether their parameters are others than before."""
+        names = self._robots.names()
+        if not self._fixed and names and self.namespace not in names:
+            self.namespace = names[0]
+            self._graph.watch(names[0])
+        if names:
+            self._graph.ask_parameters()
+        before, self.parameters = self.parameters, dict(self._graph.parameters)
+        self.started = 'trajectory' in self.parameters.keys() - before.keys()
+        return self.parameters != before
+
 
 EVERY = 6  # looks, from one check of what runs to the next: five a second
 LONGEST = 100  # characters of a name that a browser sends

@@ -16,10 +16,9 @@ from typing import Any
 
 from parallel_robot.analysis.monitor import Posture, posture_of
 from parallel_robot.bags.messages.message_types import message_type
-from parallel_robot.live.graph_values import known_values, of_robot
+from parallel_robot.live.graph_source import Watched, known_values, of_robot
 from parallel_robot.live.guard import OPEN, is_loopback
 from parallel_robot.live.ros_live_graph import LiveGraph
-from parallel_robot.live.watched import Watched
 from parallel_robot.watch.robots import Robots
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, optional
 from parallel_robot_model.common.units import NANOSECONDS
