@@ -14,9 +14,7 @@ import pytest
 from parallel_robot.live.connections import HEADERS
 from parallel_robot.live.frames import HEADER
 from parallel_robot.live.guard import BURST, RATE, Guard
-from parallel_robot.live.hub import BACKLOG, Hub
-from parallel_robot.live.server import BROWSERS, LiveServer
-from parallel_robot.live.serving import accepting
+from parallel_robot.live.server import BACKLOG, BROWSERS, Hub, LiveServer, accepting
 from parallel_robot.live.source import RefusedError
 
 PATIENCE = 20.0  # s

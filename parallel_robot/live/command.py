@@ -106,7 +106,7 @@ def execute(arguments: argparse.Namespace) -> int:
         import aiohttp  # noqa: F401  optional
     except ImportError:
         raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
-    from parallel_robot.live.serving import listening
+    from parallel_robot.live.server import listening
 
     handlers = {number: signal.signal(number, _stop) for number in ending_signals()[1:]}
     try:
