@@ -11,9 +11,8 @@ from contextlib import ExitStack, asynccontextmanager, suppress
 import aiohttp
 import pytest
 
-from parallel_robot.live.connections import HEADERS
 from parallel_robot.live.frames import HEADER
-from parallel_robot.live.guard import BURST, RATE, Guard
+from parallel_robot.live.guard import BURST, HEADERS, RATE, Guard
 from parallel_robot.live.server import BACKLOG, BROWSERS, Hub, LiveServer, accepting
 from parallel_robot.live.source import RefusedError
 
@@ -360,7 +359,7 @@ def test_connections_that_only_wait_keep_no_emergency_stop_off(said, many_files)
 
 
 def test_a_connection_without_a_request_is_let_go(monkeypatch):
-    monkeypatch.setattr('parallel_robot.live.connections.HEADERS', 0.1)
+    monkeypatch.setattr('parallel_robot.live.guard.HEADERS', 0.1)
 
     async def test(site):
         reader, writer = await asyncio.open_connection('127.0.0.1', site.port)

@@ -17,11 +17,19 @@ from typing import Any, NamedTuple, Protocol
 from aiohttp import WSMsgType, web
 
 from parallel_robot.analysis.report.looks import STYLES
-from parallel_robot.live.connections import BATCH, KEPT, QUEUE, Connections
 from parallel_robot.live.frames import HEADER
-from parallel_robot.live.guard import OPEN, Guard, is_loopback
-from parallel_robot.live.protocol import LOG, tell
-from parallel_robot.live.protocol import Protocol as HttpProtocol
+from parallel_robot.live.guard import (
+    BATCH,
+    KEPT,
+    LOG,
+    OPEN,
+    QUEUE,
+    Connections,
+    Guard,
+    is_loopback,
+    tell,
+)
+from parallel_robot.live.guard import Protocol as HttpProtocol
 from parallel_robot.live.source import RefusedError, Source
 from parallel_robot_model.common.errors import InputError, ParallelRobotError
 from parallel_robot_model.processes.ending_signals import ending_signals
