@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
-from parallel_robot.live.frames import HEADER, Camera, Motion
-from parallel_robot.live.motion_buffer import GAP, MotionBuffer
+from parallel_robot.live.frames import GAP, HEADER, Camera, Motion, MotionBuffer
 from parallel_robot_control.configuration import nominal_of, resolve
 
 MS = 10**6  # ns

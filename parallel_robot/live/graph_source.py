@@ -14,8 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis.replay.replayed import Ghost
 from parallel_robot.live import readable_state
-from parallel_robot.live.frames import Camera, Motion
-from parallel_robot.live.motion_buffer import MotionBuffer, States
+from parallel_robot.live.frames import Camera, Motion, MotionBuffer, States
 from parallel_robot.live.recording import Recording
 from parallel_robot.live.source import RefusedError
 from parallel_robot.watch.graph import Tell
