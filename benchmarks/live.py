@@ -36,7 +36,7 @@ import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from graph_processes import end, nodes_below, start
 
-from parallel_robot.live.started_graph import NAMES, started_graph
+from parallel_robot.live.command import NAMES, started_graph
 from parallel_robot_model.processes.node_processes import processor_seconds
 
 LAG = 'lag p50/p99/max [ms]'

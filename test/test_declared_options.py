@@ -123,7 +123,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.fmu.ros2_package',
     'parallel_robot.studies.identification.design.design',
     'parallel_robot.studies.calibration.design.choose',
-    'parallel_robot.live.started_graph.NodeProcesses',
+    'parallel_robot.live.command.NodeProcesses',
     'os.nice',  # the page begins to serve
 )
 

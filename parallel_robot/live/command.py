@@ -6,19 +6,24 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
+from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.options import add_bag_arguments, bag_view
+from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, StoppedError
+from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.node_processes import NodeProcesses, domain_lock
+from parallel_robot_sim.configuration import assemble, configure
 
 HOST, PORT, OUT = '127.0.0.1', 8080, Path('runs')
 NICE = 5  # the loop goes first
@@ -147,8 +152,6 @@ def _foxglove(
         with ExitStack() as stack:
             values = None
             if arguments.run is not None:
-                from parallel_robot.live.started_graph import started_graph
-
                 namespace, changed = namespace or '', {'duration': 0.0, **changed}
                 graph = started_graph(arguments.run, changed, namespace)
                 values = stack.enter_context(graph).values
@@ -173,8 +176,6 @@ def _graph(
     stack: ExitStack, arguments: argparse.Namespace, changed: dict[str, Any], namespace: str | None
 ) -> Any:
     """The graph that runs, or one that is started."""
-    from parallel_robot.live.started_graph import started_graph
-
     realtime.prepare_discovery()
     values = parameters = None
     if arguments.run is not None:
@@ -191,3 +192,49 @@ def _graph(
     robots = Robots()
     graph = stack.enter_context(LiveGraph(robots))
     return GraphSource(graph, robots, recording, namespace, values)
+
+
+# A graph that the page starts: trajectory, plant and controller of a scenario.
+
+NAMES = ('trajectory', 'plant', 'controller')
+
+
+class StartedGraph(NamedTuple):
+    """Nodes that move.
+
+    Attributes:
+        processes: Their processes.
+        parameters: What they were given, for a recorder.
+        values: Their configuration.
+    """
+
+    processes: NodeProcesses
+    parameters: dict[str, Any]
+    values: dict[str, Any]
+
+
+@contextmanager
+def started_graph(
+    scenario: str, changed: Mapping[str, Any], namespace: str
+) -> Iterator[StartedGraph]:
+    """Start a graph; it ends in order with the context.
+
+    Args:
+        scenario: Its name, or the path of its file.
+        changed: Key to value.
+        namespace: Full name of the namespace of the nodes; empty for none.
+
+    Raises:
+        InputError: the configuration is wrong.
+        RunError: a node does not start.
+    """
+    configuration = configure(resolve(scenario, changed))
+    with locating(configuration.values):
+        loop = assemble(configuration).loop
+    parameters = run.node_parameters(NAMES, scenario, changed, loop)
+    with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
+        from parallel_robot.cli.ros_session import Session  # needs ROS, after the forks
+
+        with Session(NAMES, processes.check, namespace, loop.middleware) as session:
+            run.start(processes, session, loop, NAMES)
+        yield StartedGraph(processes, parameters['controller'], dict(configuration.values))
