@@ -15,8 +15,7 @@ from parallel_robot.live import bag_source
 from parallel_robot.live.bag_source import BagSource, open_bag
 from parallel_robot.live.frames import HEADER
 from parallel_robot.live.graph_source import GraphSource, known_values, meant
-from parallel_robot.live.readable_state import setup
-from parallel_robot.live.source import Description, RefusedError
+from parallel_robot.live.source import Description, RefusedError, laws_and_shapes
 from parallel_robot.watch.robots import OK, Robots
 from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.robots.registry import robot_of
@@ -175,7 +174,7 @@ def test_units_and_ranges_are_those_that_the_node_tells():
         'pid.Kp': Description('gain [N m/rad]', 0.0, 1e5),
     }
     controller = {'smc.z': 20.0, 'smc.shape': 'sign', 'law': 'smc', 'period': 1e-3}
-    found = setup({'controller': controller}, {'controller': told}, ['smc'])
+    found = laws_and_shapes({'controller': controller}, {'controller': told}, ['smc'])
     assert found['gains'] == {
         'smc': [
             {
@@ -202,7 +201,7 @@ DESCRIBED = {'trajectory': OF_MOTION}
 
 
 def test_shapes_are_offered_with_what_can_be_changed_of_them():
-    found = setup({'trajectory': MOTION}, DESCRIBED, [])
+    found = laws_and_shapes({'trajectory': MOTION}, DESCRIBED, [])
     assert found['shape'] == 'circle'
     names = {shape: [one['name'] for one in own] for shape, own in found['shapes'].items()}
     assert names == {'circle': ['radius', 'transition'], 'line': ['end', 'transition']}
@@ -281,7 +280,7 @@ def test_a_gain_has_the_range_that_its_own_node_tells_and_is_no_shape_of_the_mot
     nodes = {'controller': {'smc.z': 2.0}, 'trajectory': {'smc.z': 2.0, **MOTION}}
     own, silent = Description('gain [1/s]', 0.0, 9.0), Description('', None, None)
     told = {'controller': {'smc.z': own}, 'trajectory': {'smc.z': silent, **OF_MOTION}}
-    found = setup(nodes, told, ['smc'])
+    found = laws_and_shapes(nodes, told, ['smc'])
     assert found['gains']['smc'] == [
         {'key': 'smc.z', 'name': 'z', 'value': 2.0, 'text': 'gain', 'unit': '1/s', 'low': 0.0,
          'high': 9.0},

@@ -22,7 +22,7 @@ from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files
-from parallel_robot.live import readable_state
+from parallel_robot.live import source
 from parallel_robot.live.frames import Camera, Motion
 from parallel_robot.live.source import RefusedError
 from parallel_robot_control.configuration import (
@@ -206,7 +206,7 @@ class BagSource:
         law = status.law if status else self._log.law
         fault = '' if status is None or status.fault == NO_FAULT else status.fault_text
         return {
-            'layout': readable_state.layout(self._camera),
+            'layout': source.frame_layout(self._camera),
             'state': {
                 'law': law,
                 'title': title(law),

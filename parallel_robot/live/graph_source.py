@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from parallel_robot.analysis.replay.replayed import Ghost
-from parallel_robot.live import readable_state
+from parallel_robot.live import source
 from parallel_robot.live.frames import Camera, Motion, MotionBuffer, States
 from parallel_robot.live.recording import Recording
 from parallel_robot.live.source import RefusedError
@@ -249,15 +249,15 @@ class GraphSource:
             self._prepare()
         robot = self._robots[self._watched.namespace]
         self._texts = {
-            **({'layout': readable_state.layout(self._camera)} if self._camera else {}),
+            **({'layout': source.frame_layout(self._camera)} if self._camera else {}),
             'state': {
-                **readable_state.of_robot(robot, time.monotonic()),
+                **source.robot_state(robot, time.monotonic()),
                 'ghost': self._ghost.law if self._ghost else '',
                 'recording': self._recording.state(),
                 'trouble': self._trouble,
             },
             'setup': {
-                **readable_state.setup(
+                **source.laws_and_shapes(
                     self._watched.parameters, self._graph.descriptions, robot.laws
                 ),
                 'seen': 'plant' not in robot.nodes or differs(self._values or {}),
@@ -291,7 +291,7 @@ class GraphSource:
             self._layouts += 1
             camera.number = self._layouts
             camera.begin()
-            self._texts = {**self._texts, 'layout': readable_state.layout(camera)}
+            self._texts = {**self._texts, 'layout': source.frame_layout(camera)}
             self._origin, self._end = int(states.stamps[0]), int(states.stamps[0])
         none = np.full_like(states.effort, np.nan)
         ghost = none if self._ghost is None else self._haunt(self._ghost, states, none)
@@ -351,7 +351,7 @@ class GraphSource:
         key, wanted = _pair(value, 'parameter')
         known = self._watched.parameters.get('trajectory', {})
         told = self._graph.descriptions.get('trajectory', {})
-        if key not in readable_state.of_motion(known, told):
+        if key not in source.motion_parameters(known, told):
             raise RefusedError(f'there is no parameter {key!r} of a motion')
         return await self._set('trajectory', key, meant(key, known[key], wanted))
 
