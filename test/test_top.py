@@ -16,9 +16,8 @@ from parallel_robot.cli import top as view
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import top
 from parallel_robot.cli.top import Top
-from parallel_robot.watch import joint_angles
-from parallel_robot.watch.joint_angles import JointAngle
-from parallel_robot.watch.robots import ERROR, GONE, OK, SILENT, Robots
+from parallel_robot.watch import robots as joint_angles
+from parallel_robot.watch.robots import ERROR, GONE, OK, SILENT, JointAngle, Robots
 
 pytest_plugins = ['ros_fixtures']
 
@@ -216,7 +215,9 @@ def state(names, position, velocity=()):
 def test_the_joints_are_shown_as_they_turn(robots):
     """Those of the controller, in its order; without one, all that a message has."""
     names = ['wrist', 'joint2', 'gripper', 'joint1']
-    joints = joint_angles.read(state(names, [0.5, -1.25, 2.0, 3.14159], [0.0, 0.1, 0.0, -0.02]))
+    joints = joint_angles.read_joints(
+        state(names, [0.5, -1.25, 2.0, 3.14159], [0.0, 0.1, 0.0, -0.02])
+    )
     robots[''].take_joints(5.0, joints)
     frame = drawn(robots, '', 5.5)
     start = next(k for k, line in enumerate(frame) if 'joints (rad, rad/s)' in line)
@@ -231,12 +232,12 @@ def test_the_joints_are_shown_as_they_turn(robots):
 
 
 def test_joints_that_are_not_told_are_no_numbers():
-    (joint,) = joint_angles.read(state(['a'], [1.0], [2.0, 3.0]))
+    (joint,) = joint_angles.read_joints(state(['a'], [1.0], [2.0, 3.0]))
     assert joint[:2] == ('a', 1.0) and math.isnan(joint.rate)
     data = state(['a', 'b'], [1.0, 2.0])
-    assert len(joint_angles.read(data)) == 2
-    assert not any(joint_angles.read(data[:k]) for k in range(len(data) - 12))
-    assert joint_angles.read(state(['a'] * 9000, [])) == ()
+    assert len(joint_angles.read_joints(data)) == 2
+    assert not any(joint_angles.read_joints(data[:k]) for k in range(len(data) - 12))
+    assert joint_angles.read_joints(state(['a'] * 9000, [])) == ()
 
 
 def test_nothing_hostile_reaches_the_terminal(robots):

@@ -16,9 +16,19 @@ from textual.binding import Binding, BindingType
 from textual.screen import ModalScreen
 from textual.widgets import Footer, OptionList, Static
 
-from parallel_robot.watch.graph import Graph, Tell
-from parallel_robot.watch.joint_angles import JointAngle
-from parallel_robot.watch.robots import ERROR, NODES, OK, SILENT, WARNING, Report, Robot, Robots
+from parallel_robot.watch.robots import (
+    ERROR,
+    NODES,
+    OK,
+    SILENT,
+    WARNING,
+    Graph,
+    JointAngle,
+    Report,
+    Robot,
+    Robots,
+    Tell,
+)
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.processes.realtime import LOCKED
 

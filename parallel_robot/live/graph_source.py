@@ -17,8 +17,7 @@ from parallel_robot.live import source
 from parallel_robot.live.frames import Camera, Motion, MotionBuffer, States
 from parallel_robot.live.recording import Recording
 from parallel_robot.live.source import RefusedError
-from parallel_robot.watch.graph import Tell
-from parallel_robot.watch.robots import Robots
+from parallel_robot.watch.robots import Robots, Tell
 from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError

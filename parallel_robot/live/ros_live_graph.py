@@ -16,8 +16,7 @@ from rclpy.parameter import parameter_value_to_python
 from std_srvs.srv import Trigger
 
 from parallel_robot.live.source import Description
-from parallel_robot.watch.graph import Tell
-from parallel_robot.watch.robots import Robots
+from parallel_robot.watch.robots import Robots, Tell
 from parallel_robot.watch.ros_graph import ANSWER_TIMEOUT, RosGraph
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.yaml_file import is_configuration

@@ -4,14 +4,44 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from parallel_robot.watch.joint_angles import JointAngle
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import OF_JOINTS
+from parallel_robot_model.messages.layouts import Reader
+
+# Joints as a message tells them, of whatever publisher.
+
+LONGEST_MESSAGE = 1 << 16  # bytes of a message that is looked at
+
+
+class JointAngle(NamedTuple):
+    """Name, angle [rad] and rate [rad/s] of a joint; NaN for what is not told."""
+
+    name: str
+    angle: float
+    rate: float
+
+
+def read_joints(data: bytes) -> tuple[JointAngle, ...]:
+    """Joints of a serialised sensor_msgs/JointState, in its order; none if it is broken."""
+    if len(data) > LONGEST_MESSAGE:
+        return ()
+    try:
+        message = Reader(data)
+        message.header()
+        names, angles, rates = message.texts(), message.numbers(), message.numbers()
+    except ValueError:
+        return ()
+    told = [
+        values.tolist() if len(values) == len(names) else [math.nan] * len(names)
+        for values in (angles, rates)
+    ]
+    return tuple(map(JointAngle, names, *told))
+
 
 NODES = ('trajectory', 'plant', 'controller', 'recorder', 'player', 'monitor')  # order on a screen
 SILENT = 3.0  # s without a report, of one a second, after which a node seems to have stopped
@@ -212,3 +242,30 @@ class Robots:
         for robot in self._robots.values():
             robot.look(now)
         self._robots = {name: robot for name, robot in self._robots.items() if robot.nodes}
+
+
+# What the screen needs of a running graph; :class:`ros_graph.RosGraph` is one.
+
+Tell = Callable[[bool, str], None]  # whether it was done, and the answer of the node
+
+
+class Graph(Protocol):
+    """Listens to all robots; sends requests to the controller of the one that is watched."""
+
+    def watch(self, namespace: str) -> None:
+        """Subscribe to what one robot tells, by its namespace, instead of another."""
+
+    def look(self) -> None:
+        """Take all messages since the last look."""
+
+    def answers(self) -> None:
+        """Pass on the answers of the controller."""
+
+    def switch_law(self, law: str, tell: Tell) -> None:
+        """Ask for another law."""
+
+    def emergency_stop(self, tell: Tell) -> None:
+        """Ask for the safe action."""
+
+    def clear_fault(self, tell: Tell) -> None:
+        """Ask for the end of the safe action."""

@@ -23,9 +23,7 @@ from rclpy.subscription import Subscription
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from parallel_robot.watch import joint_angles
-from parallel_robot.watch.graph import Tell
-from parallel_robot.watch.robots import Robot, Robots
+from parallel_robot.watch.robots import Robot, Robots, Tell, read_joints
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.connections import message_class
@@ -113,7 +111,7 @@ class RosGraph:
                         break
                     take(taken[0])
         if self._state:
-            joints, self._state = joint_angles.read(self._state), b''
+            joints, self._state = read_joints(self._state), b''
             self._robots[self._namespace].take_joints(time.monotonic(), joints)
         self._robots.look(time.monotonic())
         self.answers()

@@ -7,8 +7,7 @@ import os
 import sys
 import time
 
-from parallel_robot.watch.graph import Graph
-from parallel_robot.watch.robots import Robot, Robots
+from parallel_robot.watch.robots import Graph, Robot, Robots
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
