@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from parallel_robot.fmu.contents import Contents
-from parallel_robot.fmu.description import description
+from parallel_robot.fmu.variables import description
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Image, native_object
 
