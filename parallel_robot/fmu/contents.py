@@ -7,10 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.fmu import law_kernel, plant_kernel
-from parallel_robot.fmu.law_kernel import LawInstance, answer_state, begin_law, law_instance
-from parallel_robot.fmu.loop_kernel import begin_loop, loop_instance, step_loop
-from parallel_robot.fmu.plant_kernel import PlantInstance, advance, plant_instance, tell_state
+from parallel_robot.fmu import kernels
+from parallel_robot.fmu.kernels import (
+    LawInstance,
+    PlantInstance,
+    advance,
+    answer_state,
+    begin_law,
+    begin_loop,
+    law_instance,
+    loop_instance,
+    plant_instance,
+    step_loop,
+    tell_state,
+)
 from parallel_robot.fmu.variables import WORD, Rows, Variable, of_group
 from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import ControlConfiguration
@@ -64,7 +74,7 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     instance: LawInstance = root.value
     values: Any = instance.values
     rows = Rows(int(values), loop.joints, robot.joint_units)
-    last = int(values) + WORD * law_kernel.ROWS * len(loop.joints)
+    last = int(values) + WORD * kernels.ROWS * len(loop.joints)
     gains, estimator = configuration.gains[loop.law], assembled.setup.estimator
 
     def limits(safety: Any) -> Any:
@@ -73,50 +83,50 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     known = faults.of(robot.module)
     codes = {0: 'none'} | {number: fault.text for number, fault in known.items()}
     variables = [
-        *rows.of(law_kernel.POSITION, 'position', 'input', 'rad', 'measured position'),
-        *rows.of(law_kernel.VELOCITY, 'velocity', 'input', 'rad/s', 'measured rate'),
+        *rows.of(kernels.POSITION, 'position', 'input', 'rad', 'measured position'),
+        *rows.of(kernels.VELOCITY, 'velocity', 'input', 'rad/s', 'measured rate'),
         *rows.of(
-            law_kernel.EFFORT, 'effort', 'input', 'N m',
+            kernels.EFFORT, 'effort', 'input', 'N m',
             'torque applied during the step that ended at the measurement',
         ),
         *rows.of(
-            law_kernel.REFERENCE, 'reference.position', 'input', 'rad', 'desired position'
+            kernels.REFERENCE, 'reference.position', 'input', 'rad', 'desired position'
         ),
         *rows.of(
-            law_kernel.REFERENCE + 1, 'reference.velocity', 'input', 'rad/s', 'desired rate'
+            kernels.REFERENCE + 1, 'reference.velocity', 'input', 'rad/s', 'desired rate'
         ),
         *rows.of(
-            law_kernel.REFERENCE + 2, 'reference.acceleration', 'input', 'rad/s^2',
+            kernels.REFERENCE + 2, 'reference.acceleration', 'input', 'rad/s^2',
             'desired acceleration',
         ),
         Variable(
             'age', 'input', 'real', 'from the measurement to the moment at which the torque acts',
-            's', 0.0, address=last + WORD * law_kernel.AGE,
+            's', 0.0, address=last + WORD * kernels.AGE,
         ),
         Variable(
             'effort_known', 'parameter', 'boolean', 'whether effort is measured', '', 0.0, 0.0,
-            1.0, last + WORD * law_kernel.EFFORT_KNOWN,
+            1.0, last + WORD * kernels.EFFORT_KNOWN,
         ),
         Variable(
             'joins', 'parameter', 'boolean', 'whether the law begins where the robot is, its '
             'torque with what acts; else as at a common start', '', 0.0, 0.0, 1.0,
-            last + WORD * law_kernel.JOINS,
+            last + WORD * kernels.JOINS,
         ),
-        *rows.of(law_kernel.TORQUE, 'torque', 'output', 'N m', 'commanded torque'),
+        *rows.of(kernels.TORQUE, 'torque', 'output', 'N m', 'commanded torque'),
         *rows.of(
-            law_kernel.SLIDING_VARIABLE, 'sliding_variable', 'output', '',
+            kernels.SLIDING_VARIABLE, 'sliding_variable', 'output', '',
             "sliding variable in the law's unit",
         ),
-        *rows.of(law_kernel.COUPLED_ERROR, 'coupled_error', 'output', 'rad', 'coupled error'),
+        *rows.of(kernels.COUPLED_ERROR, 'coupled_error', 'output', 'rad', 'coupled error'),
         *(
             Variable(name, 'output', 'integer', text, '', 0.0, address=last + WORD * place)
             for name, text, place in (
-                ('fault', 'number of the latched fault; 0: none', law_kernel.FAULT),
-                ('cause', 'number of the fault whose cause is there now', law_kernel.CAUSE),
+                ('fault', 'number of the latched fault; 0: none', kernels.FAULT),
+                ('cause', 'number of the fault whose cause is there now', kernels.CAUSE),
                 (
                     'acted',
                     'limits that acted: 1 torque, 2 rate, 4 ramp, 8 motors that do not apply it',
-                    law_kernel.ACTED,
+                    kernels.ACTED,
                 ),
             )
         ),
@@ -163,7 +173,7 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
     instance: PlantInstance = root.value
     values: Any = instance.values
     rows = Rows(int(values), loop.joints, robot.joint_units)
-    last = int(values) + WORD * plant_kernel.ROWS * len(loop.joints)
+    last = int(values) + WORD * kernels.PLANT_ROWS * len(loop.joints)
     load = configuration.load
 
     def limited(parameters: Any) -> Any:
@@ -171,23 +181,23 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
         return instance._replace(setup=plant.setup._replace(stepping=stepping))
 
     variables = [
-        *rows.of(plant_kernel.TORQUE, 'torque', 'input', 'N m', 'commanded torque'),
-        *rows.of(plant_kernel.POSITION, 'position', 'output', 'rad', 'measured position'),
-        *rows.of(plant_kernel.VELOCITY, 'velocity', 'output', 'rad/s', 'measured rate'),
+        *rows.of(kernels.PLANT_TORQUE, 'torque', 'input', 'N m', 'commanded torque'),
+        *rows.of(kernels.PLANT_POSITION, 'position', 'output', 'rad', 'measured position'),
+        *rows.of(kernels.PLANT_VELOCITY, 'velocity', 'output', 'rad/s', 'measured rate'),
         *rows.of(
-            plant_kernel.EFFORT, 'effort', 'output', 'N m',
+            kernels.PLANT_EFFORT, 'effort', 'output', 'N m',
             'torque applied during the step that ended at the measurement',
         ),
-        *rows.of(plant_kernel.JOINTS, 'true.position', 'output', 'rad', 'true position'),
-        *rows.of(plant_kernel.RATES, 'true.velocity', 'output', 'rad/s', 'true rate'),
+        *rows.of(kernels.JOINTS, 'true.position', 'output', 'rad', 'true position'),
+        *rows.of(kernels.RATES, 'true.velocity', 'output', 'rad/s', 'true rate'),
         Variable(
             'age', 'output', 'real', 'age of the state that its stamp tells', 's', 0.0,
-            address=last + WORD * plant_kernel.AGE,
+            address=last + WORD * kernels.PLANT_AGE,
         ),
         *(
             Variable(
                 f'pose.{each.name}', 'output', 'real', 'true pose of the end effector', each.unit,
-                0.0, address=last + WORD * (plant_kernel.POSE + k),
+                0.0, address=last + WORD * (kernels.POSE + k),
             )
             for k, each in enumerate(robot.module.coordinates(robot.parameters))
         ),

@@ -1,0 +1,284 @@
+"""The kernels of an FMU: a law, a plant, and both in a loop."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from parallel_robot_control.approach import BACK
+from parallel_robot_control.assembly import Control
+from parallel_robot_control.contract import JointReference
+from parallel_robot_control.cycle import CycleState, When, run_cycle, taking_over
+from parallel_robot_model.common.units import Array
+from parallel_robot_model.compiler import (
+    Boxed,
+    KeptValue,
+    Space,
+    is_finite,
+    keep,
+    kernel,
+    present,
+    propose,
+    read_at,
+    read_row,
+    select,
+    write_at,
+)
+from parallel_robot_sim.configuration import Plant
+from parallel_robot_sim.plant import PlantState, step
+from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
+from trajectory_gen.trajectory import Reference
+
+# What a controller outside Python calls: one control cycle, its inputs and outputs in memory.
+
+# Rows of numbers for each joint,
+POSITION, VELOCITY, EFFORT, REFERENCE, TORQUE, SLIDING_VARIABLE, COUPLED_ERROR = (
+    0,
+    1,
+    2,
+    3,
+    6,
+    7,
+    8,
+)
+ROWS = 9  # the reference has three
+# and numbers behind them.
+AGE, EFFORT_KNOWN, JOINS, SAMPLE, FAULT, CAUSE, ACTED = range(7)
+NUMBERS = 7
+
+
+class LawInstance(NamedTuple):
+    """A controller with its memory.
+
+    Attributes:
+        setup: Law, robot and limits, see :class:`ControlSetup`.
+        state: State after the cycle before, a KeptValue.
+        like: A state, for its type.
+        values: Address of inputs and outputs: ROWS for each joint, then NUMBERS.
+        period: Time between states [s].
+    """
+
+    setup: Any
+    state: int
+    like: CycleState
+    values: int
+    period: float
+
+
+def law_instance(control: Control, period: float) -> Boxed:
+    """A controller before its first state, boxed.
+
+    Args:
+        control: The controller; its law has an empty memory.
+        period: Time between states [s].
+    """
+    control.law.memory.begin()
+    joints = len(control.state.held)
+    values = Space(ROWS * joints + NUMBERS)
+    values.floats[ROWS * joints + FAULT] = control.state.fault
+    return Boxed(
+        LawInstance(control.setup, KeptValue(control.state), control.state, values, period)
+    )
+
+
+@kernel
+def begin_law(instance: LawInstance) -> int:
+    """Nothing: a law has no outputs before its first state."""
+    return 0
+
+
+@kernel
+def answer_state(instance: LawInstance) -> int:
+    """Compute the torque for the state in the inputs; 0."""
+    values, row = instance.values, instance.like.held
+    first = ROWS * len(row)
+    state = present(instance.state, instance.like)
+    desired = JointReference(
+        read_at(values, REFERENCE, row),
+        read_at(values, REFERENCE + 1, row),
+        read_at(values, REFERENCE + 2, row),
+    )
+    known = read_at(values, first + EFFORT_KNOWN, 0.0) != 0.0
+    effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
+    sample = int(read_at(values, first + SAMPLE, 0.0))
+    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see transitions.joining
+        last = taking_over(state.last, effort)
+        state = CycleState(
+            state.pose,
+            last,
+            state.excess,
+            state.held,
+            state.fault,
+            state.estimated,
+            BACK,
+            state.lost,
+        )
+    cycle = run_cycle(
+        instance.setup,
+        desired,
+        read_at(values, POSITION, row),
+        read_at(values, VELOCITY, row),
+        effort,
+        state,
+        When(sample, read_at(values, first + AGE, 0.0), instance.period),
+    )
+    propose(instance.state, cycle.state, instance.like)
+    keep(instance.state)
+    write_at(values, TORQUE, cycle.torque)
+    write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
+    write_at(values, COUPLED_ERROR, cycle.coupled_error)
+    write_at(values, first + SAMPLE, float(sample + 1))
+    write_at(values, first + FAULT, float(cycle.state.fault))
+    write_at(values, first + CAUSE, float(cycle.cause))
+    write_at(values, first + ACTED, float(cycle.acted))
+    return 0
+
+
+# What calls the simulated robot outside Python: one period, its inputs and outputs in memory.
+
+PLANT_TORQUE, PLANT_POSITION, PLANT_VELOCITY, PLANT_EFFORT, JOINTS, RATES = range(
+    6
+)  # rows of numbers for each joint
+PLANT_ROWS = 6
+PLANT_AGE, POSE = 0, 1  # numbers behind them; the pose is the last
+
+
+class PlantInstance(NamedTuple):
+    """A simulated robot with its memory.
+
+    Attributes:
+        setup: What it is made of, see :class:`PlantSetup`.
+        state: Its state, a KeptValue.
+        like: A state, for its type.
+        values: Address of inputs and outputs: ROWS for each joint, the age, the pose.
+        period: Time between states [s].
+    """
+
+    setup: Any
+    state: int
+    like: PlantState
+    values: int
+    period: float
+
+
+def plant_instance(plant: Plant, period: float, pose_size: int) -> Boxed:
+    """A robot at rest at its start, boxed.
+
+    Args:
+        plant: The robot.
+        period: Time between states [s].
+        pose_size: Number of coordinates of a pose, m.
+    """
+    joints = len(plant.state.torque)
+    values = Space(PLANT_ROWS * joints + POSE + pose_size)
+    return Boxed(PlantInstance(plant.setup, KeptValue(plant.state), plant.state, values, period))
+
+
+@kernel
+def tell_state(instance: PlantInstance) -> int:
+    """Write the state to the outputs, as sensors tell it; 1 if the robot left its workspace."""
+    state = present(instance.state, instance.like)
+    setup, values, row = instance.setup, instance.values, state.torque
+    true = setup.measure(setup.robot, state.coordinates, state.rate)
+    angles, rates, effort, age = true.position, true.velocity, state.torque, 0.0
+    if setup.imperfections.on:
+        angles, rates = sensed(setup, true, state.time, instance.period)
+        effort = effort_at_stamp(setup, state.torque, state.time, instance.period)
+        age = setup.imperfections.age
+    write_at(values, PLANT_POSITION, angles)
+    write_at(values, PLANT_VELOCITY, rates)
+    write_at(values, PLANT_EFFORT, effort)
+    write_at(values, JOINTS, true.position)
+    write_at(values, RATES, true.velocity)
+    first = PLANT_ROWS * len(row)
+    write_at(values, first + PLANT_AGE, age)
+    for k in range(len(true.pose)):
+        write_at(values, first + POSE + k, true.pose[k])
+    return 0 if is_finite(true.velocity) else 1
+
+
+@kernel
+def advance(instance: PlantInstance) -> int:
+    """Move the robot by one period under the torque in the inputs; as :func:`tell_state`."""
+    state = present(instance.state, instance.like)
+    command = read_at(instance.values, PLANT_TORQUE, np.zeros_like(state.torque))
+    after = step(instance.setup, state, command, instance.period)
+    propose(instance.state, after, instance.like)
+    keep(instance.state)
+    return tell_state(instance)
+
+
+# What calls a whole loop outside Python: law, robot and motion, one period after the other.
+
+
+class LoopInstance(NamedTuple):
+    """A law, a simulated robot, and the motion that they follow.
+
+    Attributes:
+        law: The law, a boxed LawInstance.
+        plant: The robot, a boxed PlantInstance.
+        position: Desired positions, a row for each state, shape (N, n).
+        velocity: Desired rates, shape (N, n).
+        acceleration: Desired accelerations, shape (N, n).
+    """
+
+    law: Any
+    plant: Any
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+def loop_instance(law: Boxed, plant: Boxed, reference: Reference) -> Boxed:
+    """A loop before its first state, boxed; arguments as the attributes of LoopInstance.
+
+    After its last row, the reference stays there at rest.
+    """
+    values: Any = law.value.values
+    joints = reference.position.shape[1]
+    values.floats[ROWS * joints + EFFORT_KNOWN] = 1.0
+    rest = np.zeros((1, joints))
+    return Boxed(
+        LoopInstance(
+            law,
+            plant,
+            np.concatenate([reference.position, reference.position[-1:]]),
+            np.concatenate([reference.velocity, rest]),
+            np.concatenate([reference.acceleration, rest]),
+        )
+    )
+
+
+@kernel
+def begin_loop(instance: LoopInstance) -> int:
+    """Tell the state of the robot and the first reference; 1 if the robot left its workspace."""
+    _refer(instance)
+    return tell_state(instance.plant)
+
+
+@kernel
+def step_loop(instance: LoopInstance) -> int:
+    """Answer the state, move the robot under the torque; as :func:`begin_loop`."""
+    law, plant = instance.law, instance.plant
+    row = law.like.held
+    write_at(law.values, POSITION, read_at(plant.values, PLANT_POSITION, row))
+    write_at(law.values, VELOCITY, read_at(plant.values, PLANT_VELOCITY, row))
+    write_at(law.values, EFFORT, read_at(plant.values, PLANT_EFFORT, row))
+    age = read_at(plant.values, PLANT_ROWS * len(row) + PLANT_AGE, 0.0)
+    write_at(law.values, ROWS * len(row) + AGE, age)
+    _refer(instance)
+    answer_state(law)
+    write_at(plant.values, PLANT_TORQUE, read_at(law.values, TORQUE, row))
+    return advance(plant)
+
+
+@kernel
+def _refer(instance: LoopInstance) -> None:
+    """Write the reference of the state that the law answers next."""
+    law, row = instance.law, instance.law.like.held
+    number = ROWS * len(row) + SAMPLE
+    k = min(int(read_at(law.values, number, 0.0)), len(instance.position) - 1)
+    write_at(law.values, REFERENCE, read_row(instance.position, k, row))
+    write_at(law.values, REFERENCE + 1, read_row(instance.velocity, k, row))
+    write_at(law.values, REFERENCE + 2, read_row(instance.acceleration, k, row))
