@@ -7,11 +7,11 @@ import pytest
 from bags import streams, write_foreign
 from geometry import PAPER_START, legs
 
-from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import rehearse
+from parallel_robot.cli.commands.rehearse import Finding, fault_between, motors_braked
 
 pytest_plugins = ['ros_fixtures']
 

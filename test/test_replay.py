@@ -12,7 +12,7 @@ from replay_parts import assert_same_in_parts
 from sensor_msgs.msg import JointState
 
 import parallel_robot as pr
-from parallel_robot.analysis import drill, timing
+from parallel_robot.analysis import timing
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.bags import history
 from parallel_robot.bags.experiment import describe
@@ -21,7 +21,7 @@ from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands import replay
+from parallel_robot.cli.commands import rehearse, replay
 from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
@@ -492,7 +492,7 @@ def test_without_efforts_torques_are_those_commanded(unknown, simulated, capsys)
         for each, path in ((whole, measured), (log, bag))
     ]
     assert [*map(len, lags)] == [300, 0]  # nobody knows which command acted
-    assert drill.motors_braked(log, 0.0, 0.3).text.startswith('the bag does not tell')
+    assert rehearse.motors_braked(log, 0.0, 0.3).text.startswith('the bag does not tell')
 
 
 def test_without_velocities_that_were_used_a_bag_is_analysed_and_no_more(simulated, capsys):

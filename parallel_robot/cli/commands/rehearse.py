@@ -6,19 +6,20 @@ import argparse
 import re
 import shlex
 import signal
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions, timing
-from parallel_robot.analysis.drill import Finding, fault_between, motors_braked
 from parallel_robot.analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
 from parallel_robot.bags import history, output
+from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.run import recorded_robot, run_log
 from parallel_robot.bags.run.recorded_robot import RobotCode
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
@@ -33,9 +34,75 @@ from parallel_robot_model.common.errors import (
     RunError,
     StoppedError,
 )
+from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_sim.configuration import configure
+
+# What a recorded drill shows: stops, processes that stand still, and what the robot did then.
+
+
+class Finding(NamedTuple):
+    """Whether something held, what was seen, and from when to when, since t = 0 [s]."""
+
+    holds: bool
+    text: str
+    span: tuple[float, float] = (0.0, 0.0)
+
+
+def fault_between(
+    log: RunLog, statuses: Sequence[ControllerStatus], wanted: str, begin: float, end: float
+) -> Finding:
+    """Whether the controller was in one fault within a time, and in none at its end.
+
+    Args:
+        log: The run.
+        statuses: Of its controller, in order.
+        wanted: Code of the fault.
+        begin: When it may begin, since t = 0 [s].
+        end: When it must have been cleared [s].
+    """
+    times = [(status.stamp - log.start_stamp) / NANOSECONDS for status in statuses]
+    seen = [
+        (time, status.fault)
+        for time, status in zip(times, statuses, strict=True)
+        if begin <= time <= end
+    ]
+    began = next((time for time, fault in seen if fault == wanted), None)
+    if began is None:
+        others = sorted({fault for _, fault in seen} - {NO_FAULT})
+        return Finding(False, f'no fault {wanted}' + (f', but {", ".join(others)}' * bool(others)))
+    last = seen[-1][1]
+    if last != NO_FAULT:
+        return Finding(False, f'{last} was not cleared')
+    cleared = next(time for time, fault in seen if time > began and fault == NO_FAULT)
+    text = f'{wanted} at t = {began:.2f} s, cleared at {cleared:.2f} s'
+    return Finding(True, text, (began, cleared))
+
+
+def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
+    """Whether the motors took away energy all the time, and how far the joints went.
+
+    Args:
+        log: The run.
+        begin: When the motors had their safe action, since t = 0 [s].
+        end: Until when [s].
+    """
+    rows = (log.time >= begin) & (log.time <= end)
+    if rows.sum() < 2:
+        return Finding(False, f'no states from t = {begin:.2f} to {end:.2f} s')
+    if not (log.has_efforts and log.has_velocities):
+        return Finding(False, 'the bag does not tell: it has no efforts or no velocities')
+    power = (log.effort[rows] * log.velocity[rows]).sum(axis=1)
+    drift = float(np.abs(np.ptp(log.position[rows], axis=0)).max())
+    speed = float(np.abs(log.velocity[rows][-1]).max())
+    driven = float(np.maximum(power, 0.0).max())
+    rad, rate = log.units.of('rad'), log.units.of('rad/s')
+    text = f'joints went {drift:.2g} {rad}, {speed:.2g} {rate} at the end'
+    if driven > 1e-3:  # W, more than the noise of velocities makes
+        return Finding(False, f'the motors drove with up to {driven:.2g} W; {text}')
+    return Finding(True, f'the motors braked; {text}')
+
 
 LAW = 'observer_s_fotsmc'
 NOISE = {'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-3}  # rad, rad/s
