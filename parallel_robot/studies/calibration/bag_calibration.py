@@ -28,7 +28,6 @@ from parallel_robot.studies.calibration.measured_poses import (
 )
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
-from parallel_robot.studies.refused_options import refuse
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
@@ -39,6 +38,7 @@ from parallel_robot_model.common.errors import (
     WholeNeededError,
     printable,
 )
+from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import known

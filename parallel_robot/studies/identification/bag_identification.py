@@ -22,8 +22,8 @@ from parallel_robot.studies.identification.identified import Identified, Predict
 from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
-from parallel_robot.studies.refused_options import refuse
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration.fields import group, known
 from parallel_robot_sim.plant import PlantParameters
