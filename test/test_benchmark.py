@@ -22,7 +22,7 @@ from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import conditions, planned, read, rows, seed_from
 from parallel_robot.studies.benchmark.result import differences
 from parallel_robot.studies.benchmark.scores import RunFigures, ScoredRun, score, summarised
-from parallel_robot.studies.limit.calm import Calm
+from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.sweep.study import Variant
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config

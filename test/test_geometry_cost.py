@@ -5,7 +5,7 @@ import pytest
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.limit.calm import least_error
+from parallel_robot.studies.calm import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.limit.calm import WHOLE, least_error
+from parallel_robot.studies.calm import WHOLE, least_error
 from parallel_robot.studies.limit.prediction import (
     LinearMotion,
     Noise,

@@ -10,7 +10,7 @@ import hashlib
 import multiprocessing
 from pathlib import Path
 
-from parallel_robot.studies.limit.calm import least_error
+from parallel_robot.studies.calm import least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.laws import LAWS

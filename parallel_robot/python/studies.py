@@ -16,7 +16,7 @@ from parallel_robot.studies.benchmark.benchmark import benchmarked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
 from parallel_robot.studies.benchmark.result import Scores
-from parallel_robot.studies.limit.calm import REST
+from parallel_robot.studies.calm import REST
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot.studies.tuning import tuned

@@ -16,14 +16,7 @@ from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.analysis.report.figures import save
 from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import tracked, without_mathematics
-from parallel_robot.studies.limit.calm import (
-    CAUSES,
-    NEGLIGIBLE,
-    REST,
-    WHOLE,
-    LeastError,
-    least_error,
-)
+from parallel_robot.studies.calm import CAUSES, NEGLIGIBLE, REST, WHOLE, LeastError, least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table

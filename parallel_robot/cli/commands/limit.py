@@ -11,8 +11,8 @@ from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.results import add_format_argument, show, tell
 from parallel_robot.studies import least_errors
+from parallel_robot.studies.calm import REST
 from parallel_robot.studies.least_errors import is_study
-from parallel_robot.studies.limit.calm import REST
 from parallel_robot_model.common.errors import InputError
 
 

@@ -22,7 +22,7 @@ from parallel_robot.studies.benchmark.protocol import (
     search_plan,
 )
 from parallel_robot.studies.benchmark.scores import RunFigures, RunKey, ScoredRun, Store, score
-from parallel_robot.studies.limit.calm import Calm
+from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
 from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot.studies.sweep.study import Variant

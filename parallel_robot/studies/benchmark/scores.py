@@ -12,7 +12,7 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.studies.limit.calm import Calm
+from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.locked_directory import LockedDirectory
 from parallel_robot.studies.sweep.statistics import Estimate, sectioned
 from parallel_robot_model.common.errors import InputError

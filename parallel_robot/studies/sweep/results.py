@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.studies.limit.calm import Calm
+from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate

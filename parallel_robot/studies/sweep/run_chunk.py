@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from parallel_robot.analysis import metrics
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.bags.experiment import software
-from parallel_robot.studies.limit.calm import WHOLE, Calm, least_error
+from parallel_robot.studies.calm import WHOLE, Calm, least_error
 from parallel_robot.studies.sweep.plan import Plan, Row
 from parallel_robot_control import assembly as control
 from parallel_robot_control.assembly import Control
