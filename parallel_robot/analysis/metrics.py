@@ -8,8 +8,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.reference_moves import ReferenceMoves
-from parallel_robot.bags.run.run_log import RunLog, head, with_reference
+from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError

@@ -12,13 +12,12 @@ import numpy as np
 from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
-from parallel_robot.analysis.reference_moves import ReferenceMoves
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it
 from parallel_robot.analysis.thinned import Series
 from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.bags.messages.message_arrays import Samples, physical
 from parallel_robot.bags.run import run_log
-from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import NANOSECONDS
