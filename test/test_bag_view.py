@@ -10,7 +10,7 @@ from bags import MS, START, STORE, content, streams, write_mcap
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import parallel_robot as pr
-from parallel_robot.bags.reading.bag_view import view
+from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main

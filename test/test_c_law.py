@@ -17,7 +17,7 @@ from rclpy.time import Time
 from std_srvs.srv import Trigger
 from sweeping import TEXT, runs
 
-from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags import bag_reader
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import controller_node
 from parallel_robot_control.configuration import resolve

@@ -8,7 +8,7 @@ import pytest
 
 from parallel_robot.analysis import evaluated_bag
 from parallel_robot.analysis.frames import Frames
-from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.live import bag_source

@@ -6,8 +6,8 @@ from bags import MS, START, STORE, streams, write_foreign
 from mcap.writer import Writer as McapWriter
 from rosbags.typesys import get_types_from_msg
 
+from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.messages.planned_motion import STATE
-from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics

@@ -13,12 +13,11 @@ import pytest
 from bags import content
 from mcap.reader import make_reader
 
-from parallel_robot.bags import history
+from parallel_robot.bags import bag_reader, history
 from parallel_robot.bags.files.bag_files import MESSAGES, open_file
 from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import scan
 from parallel_robot.bags.messages.message_types import channel, channel_of, qos_profile
-from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.writing import recorder as module
 from parallel_robot.bags.writing.recorder import Recorder
 from parallel_robot_control.messages import Status, answers_message, status_message

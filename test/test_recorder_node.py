@@ -12,8 +12,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Float64, String
 
+from parallel_robot.bags import bag_reader
 from parallel_robot.bags.files.bag_files import MESSAGES
-from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import message_class, qos_of

@@ -5,7 +5,7 @@ import pytest
 from bags import START, streams, table_of, write_foreign
 
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags import bag_reader
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.python import notebook, presentations

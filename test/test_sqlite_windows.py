@@ -9,10 +9,10 @@ from test_long_bags import assert_alike
 from test_windows import WIDTH, assert_all, assert_together, bag, messages  # noqa: F401  fixtures
 
 from parallel_robot.analysis import evaluated_bag
+from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import bag_files, bag_kinds
 from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import Damage
-from parallel_robot.bags.reading.bag_view import BagView
 from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError

@@ -10,8 +10,7 @@ import pytest
 from custom_law import LAW
 from mcap.writer import Writer
 
-from parallel_robot.bags import trust
-from parallel_robot.bags.reading import bag_reader
+from parallel_robot.bags import bag_reader, trust
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.processes import custom_module

@@ -19,10 +19,10 @@ from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.analysis.windows import Course, MotionWindows
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.history import History
 from parallel_robot.bags.messages.message_arrays import LAST
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording

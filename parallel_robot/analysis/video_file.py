@@ -16,8 +16,8 @@ from parallel_robot.analysis import video
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.analysis.video import MOST, frame_times, magnification, scene
 from parallel_robot.bags import output
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.output import tracked
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError, UnknownNameError, optional
 

@@ -12,8 +12,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.limits import is_name
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.trust import named_files
 from parallel_robot_model.common.errors import BagError, InputError, printable
 from parallel_robot_model.configuration import config, plain_data

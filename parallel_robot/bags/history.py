@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from parallel_robot.bags.bag_reader import Bag, Messages
 from parallel_robot.bags.experiment import suits
 from parallel_robot.bags.files import bag_files
 from parallel_robot.bags.files.bag_files import CHANGES, MESSAGES, PARAMETERS
 from parallel_robot.bags.limits import MESSAGE, STATUSES, is_name
 from parallel_robot.bags.messages.message_types import deserialize
-from parallel_robot.bags.reading.bag_reader import Bag, Messages
 from parallel_robot_control import messages
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.safety import faults, limiting

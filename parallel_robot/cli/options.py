@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from parallel_robot.bags.reading.bag_view import NAMES, BagView, view
+from parallel_robot.bags.bag_reader import NAMES, BagView, view
 from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
 from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.workers import Cluster, Processes, Workers

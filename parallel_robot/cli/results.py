@@ -14,8 +14,8 @@ from parallel_robot.analysis.evaluated_bag import EvaluatedBag
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import history
+from parallel_robot.bags.bag_reader import AS_RECORDED
 from parallel_robot.bags.limits import TRUSTED
-from parallel_robot.bags.reading.bag_view import AS_RECORDED
 from parallel_robot.bags.run import recorded_robot, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot_model.common import tables

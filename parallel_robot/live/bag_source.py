@@ -16,9 +16,9 @@ import numpy as np
 from parallel_robot.analysis import evaluated_bag, recorded_motions
 from parallel_robot.analysis.replay import bag_replay, replayed
 from parallel_robot.analysis.replay.bag_replay import with_last
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.experiment import UNKNOWN_LAW
 from parallel_robot.bags.history import History
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files

@@ -8,8 +8,8 @@ from numbers import Real
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.bags.reading.bag_view import BagView
-from parallel_robot.bags.reading.bag_view import view as checked
+from parallel_robot.bags.bag_reader import BagView
+from parallel_robot.bags.bag_reader import view as checked
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages.topics import full
 from parallel_robot_sim.scenario_run import changes

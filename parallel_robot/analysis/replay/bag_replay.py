@@ -17,9 +17,9 @@ from parallel_robot.analysis.replay.replayed import Replay, Totals
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.thinned import Curves
 from parallel_robot.bags import experiment
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import recording, run_log
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog

@@ -11,11 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import experiment
+from parallel_robot.bags import bag_reader, experiment
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.reading import bag_reader
 from parallel_robot.bags.run import bag_difference, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files

@@ -18,8 +18,8 @@ from parallel_robot.analysis.report.looks import AUTO, STYLES, Style
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.thinned import envelope
 from parallel_robot.bags import output
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.output import tracked, without_mathematics
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_model.common.errors import InputError
 

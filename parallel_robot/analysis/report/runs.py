@@ -17,8 +17,8 @@ from parallel_robot.analysis.report.looks import label, law_label
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.thinned import Series, Track
 from parallel_robot.analysis.timing import Timing
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.output import tracked
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot_control import law_loader

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from mcap.records import Channel, Schema, Statistics
 
+from parallel_robot.bags.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot.bags.files import bag_kinds, mcap_records
 from parallel_robot.bags.files.bag_files import File, files, open_file, release
 from parallel_robot.bags.files.bag_kinds import JOURNAL, SqliteFile
@@ -22,7 +23,6 @@ from parallel_robot.bags.files.mcap_records import Damage
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.messages.message_arrays import FIRST, LAST, Samples, Span
 from parallel_robot.bags.output import MAX_LINE_LENGTH
-from parallel_robot.bags.reading.bag_reader import LARGE, Messages, join, messages_of
 from parallel_robot_model.common.errors import BagError, WholeNeededError, printable
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import plain_data

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.bags.bag_reader import AS_RECORDED, Bag, BagView
 from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
-from parallel_robot.bags.reading.bag_reader import Bag
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
 from parallel_robot.bags.run import matching, run_messages
 from parallel_robot.bags.run.matching import Answers, Used
 from parallel_robot.bags.run.run_log import RunLog, count, rows, within

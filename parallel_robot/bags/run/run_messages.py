@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.bag_reader import AS_RECORDED, INSTEAD, Bag, BagView
 from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_arrays import Samples, ours, physical, strange, whole
-from parallel_robot.bags.reading.bag_reader import Bag
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, INSTEAD, BagView
 from parallel_robot.bags.run import matching
 from parallel_robot.bags.run.matching import Answers
 from parallel_robot_model.common.errors import BagError, printable

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from parallel_robot.analysis import frames, table
 from parallel_robot.analysis.frames import ViewerCopy
-from parallel_robot.bags.reading.bag_view import BagView
+from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.bags.run.recording import Recording

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags import output
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording

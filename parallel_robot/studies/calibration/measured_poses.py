@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from parallel_robot.bags import bag_reader
+from parallel_robot.bags.bag_reader import Messages
 from parallel_robot.bags.limits import MEMORY, SortedRows
 from parallel_robot.bags.messages.message_arrays import FIRST
-from parallel_robot.bags.reading import bag_reader
-from parallel_robot.bags.reading.bag_reader import Messages
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration.pose_model import JointTrack
 from parallel_robot.studies.calibration.tracker import TURNS

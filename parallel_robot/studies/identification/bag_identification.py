@@ -14,7 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags import output
-from parallel_robot.bags.reading.bag_view import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
