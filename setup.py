@@ -48,7 +48,6 @@ setup(
         'parallel_robot.bags',
         'parallel_robot.bags.files',
         'parallel_robot.bags.messages',
-        'parallel_robot.bags.reading',
         'parallel_robot.bags.run',
         'parallel_robot.bags.writing',
         'parallel_robot.cli',

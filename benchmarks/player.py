@@ -24,7 +24,7 @@ from rclpy.task import Future
 from rows import Row, row, show
 from std_srvs.srv import Trigger
 
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import message_class, qos_of
 from parallel_robot_model.processes.node_processes import command

@@ -13,9 +13,9 @@ import time
 import traceback
 from pathlib import Path
 
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.output import MAX_LINE_LENGTH
 from parallel_robot.bags.player import Player, PlayerOptions
-from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run

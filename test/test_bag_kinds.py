@@ -13,7 +13,7 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing.recovery import recover
 from parallel_robot.cli.command_line import main

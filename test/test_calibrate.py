@@ -10,7 +10,7 @@ import yaml
 from bags import STORE, content, write_foreign
 
 import parallel_robot as pr
-from parallel_robot.bags.reading import indexed_reader
+from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.calibration import bag_calibration, measured_poses, picture

@@ -19,9 +19,9 @@ from warm_process import WarmProcess
 
 from parallel_robot.analysis import run_results
 from parallel_robot.analysis.report import runs
+from parallel_robot.bags import indexed_reader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import COPIES, RATIO, RECORD, Allowance
-from parallel_robot.bags.reading import indexed_reader
-from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import recovery
 from parallel_robot.cli.command_line import main

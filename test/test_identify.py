@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import yaml
 
-from parallel_robot.bags.reading import indexed_reader
+from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recording, run_log, run_windows
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.identification import measured_motion

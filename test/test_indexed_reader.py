@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, IndexType, Writer
 
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.files.mcap_chunks import Chunk, Chunks, ChunkTable
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import layouts, topics

@@ -14,9 +14,9 @@ from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.analysis.windows import RunningTiming
+from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter

@@ -15,8 +15,8 @@ import pytest
 from parallel_robot.bags.bag_reader import read
 from parallel_robot.bags.files import mcap_records
 from parallel_robot.bags.files.mcap_chunks import Block
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import Allowance
-from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics
 

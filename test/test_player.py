@@ -6,8 +6,8 @@ import time
 import pytest
 from bags import MS
 
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.player import Player, PlayerOptions
-from parallel_robot.bags.reading.indexed_reader import BagReader
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.messages import layouts, topics

@@ -14,7 +14,7 @@ from std_msgs.msg import Float64, String
 
 from parallel_robot.bags import bag_reader
 from parallel_robot.bags.files.bag_files import MESSAGES
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot_model.messages import topics
 from parallel_robot_model.nodes.connections import message_class, qos_of
 

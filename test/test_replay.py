@@ -14,9 +14,8 @@ from sensor_msgs.msg import JointState
 import parallel_robot as pr
 from parallel_robot.analysis import timing
 from parallel_robot.analysis.replay import replayed
-from parallel_robot.bags import history
+from parallel_robot.bags import history, indexed_reader
 from parallel_robot.bags.experiment import describe
-from parallel_robot.bags.reading import indexed_reader
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter

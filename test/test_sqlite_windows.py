@@ -13,7 +13,7 @@ from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import bag_files, bag_kinds
 from parallel_robot.bags.files.mcap_chunks import Block
 from parallel_robot.bags.files.mcap_records import Damage
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.messages import topics

@@ -6,7 +6,7 @@ from assembly import simulated
 from bags import content, full_disk, streams, write_foreign
 
 from parallel_robot.analysis import frames
-from parallel_robot.bags.reading import indexed_reader
+from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.writing import simulation_bag

@@ -7,11 +7,10 @@ import pytest
 from assembly import simulated
 from bags import content, write_foreign, write_mcap
 
-from parallel_robot.bags import limits
+from parallel_robot.bags import indexed_reader, limits
 from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import bag_files, mcap_records
-from parallel_robot.bags.reading import indexed_reader
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.run import bag_difference, recording, run_windows
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter

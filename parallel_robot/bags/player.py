@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection
 from operator import attrgetter
 from typing import Annotated, NamedTuple
 
-from parallel_robot.bags.reading.indexed_reader import BagReader
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import Field

@@ -17,8 +17,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
+from parallel_robot.bags.indexed_reader import BagReader, RecordedTopic
 from parallel_robot.bags.player import Player, PlayerOptions
-from parallel_robot.bags.reading.indexed_reader import BagReader, RecordedTopic
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, UnknownNameError
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.messages import layouts, topics

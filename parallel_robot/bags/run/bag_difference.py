@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.indexed_reader import BagReader, RecordedMessage
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.reading.indexed_reader import BagReader, RecordedMessage
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording

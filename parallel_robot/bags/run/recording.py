@@ -12,6 +12,7 @@ import numpy as np
 from parallel_robot.bags import bag_reader, experiment, history
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView, Messages
 from parallel_robot.bags.history import ControllerStatus, History, status_decoder
+from parallel_robot.bags.indexed_reader import SLACK, BagReader, Window, windows
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages import message_arrays, planned_motion
 from parallel_robot.bags.messages.message_arrays import (
@@ -24,7 +25,6 @@ from parallel_robot.bags.messages.message_arrays import (
     Span,
     whole,
 )
-from parallel_robot.bags.reading.indexed_reader import SLACK, BagReader, Window, windows
 from parallel_robot.bags.run import run_log, run_messages
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog

@@ -1,1 +1,0 @@
-"""Bags read whole, in windows, or from any moment on."""
