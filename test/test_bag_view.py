@@ -14,7 +14,7 @@ from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.options import NOT_IN_FOREIGN
+from parallel_robot.cli.shared import NOT_IN_FOREIGN
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.messages import layouts, topics

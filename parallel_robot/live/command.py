@@ -15,7 +15,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.options import add_bag_arguments, bag_view
+from parallel_robot.cli.shared import add_bag_arguments, bag_view
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, StoppedError
 from parallel_robot_model.configuration.plain_data import locating

@@ -26,14 +26,15 @@ from parallel_robot.bags import history, output
 from parallel_robot.bags.run import run_windows
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.options import (
+from parallel_robot.cli.shared import (
     NOT_IN_FOREIGN,
     add_bag_arguments,
+    add_format_argument,
     add_window_arguments,
     bag_view,
     robot_code,
+    show,
 )
-from parallel_robot.cli.results import add_format_argument, show
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length

@@ -7,8 +7,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from parallel_robot.cli.options import add_worker_arguments, workers_of
-from parallel_robot.cli.results import add_format_argument, show, tell
+from parallel_robot.cli.shared import (
+    add_format_argument,
+    add_worker_arguments,
+    show,
+    tell,
+    workers_of,
+)
 from parallel_robot.studies.benchmark.benchmark import SCORE, benchmarked, checked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read

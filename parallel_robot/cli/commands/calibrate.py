@@ -10,8 +10,13 @@ from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.options import add_bag_arguments, bag_view, robot_code
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import (
+    add_bag_arguments,
+    add_format_argument,
+    bag_view,
+    robot_code,
+    show,
+)
 from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
 

@@ -23,8 +23,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
-from parallel_robot.cli.options import add_window_arguments
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import add_format_argument, add_window_arguments, show
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError

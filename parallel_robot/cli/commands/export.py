@@ -17,7 +17,7 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.options import add_bag_arguments, bag_view, robot_code
+from parallel_robot.cli.shared import add_bag_arguments, bag_view, robot_code
 from parallel_robot_model.common.errors import WholeNeededError
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import add_format_argument, show
 from parallel_robot.studies.tuning import front
 from parallel_robot.studies.tuning.held_out import compare
 

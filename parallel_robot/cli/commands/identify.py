@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.options import add_bag_arguments, bag_view
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import add_bag_arguments, add_format_argument, bag_view, show
 from parallel_robot.studies.identification import bag_identification, design
 from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF

@@ -9,7 +9,7 @@ from pathlib import Path
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.results import add_format_argument, show, tell
+from parallel_robot.cli.shared import add_format_argument, show, tell
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.calm import REST
 from parallel_robot.studies.least_errors import is_study

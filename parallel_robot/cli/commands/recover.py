@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 
 from parallel_robot.bags.writing.recovery import recover
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import add_format_argument, show
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -14,8 +14,13 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.options import NOT_IN_FOREIGN, add_bag_arguments, bag_view
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import (
+    NOT_IN_FOREIGN,
+    add_bag_arguments,
+    add_format_argument,
+    bag_view,
+    show,
+)
 from parallel_robot_control import law_loader
 from parallel_robot_model.common.errors import InputError, WholeNeededError
 

@@ -9,7 +9,7 @@ from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.looks import RUNS, add_scale_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.options import add_bag_arguments, bag_view, robot_code
+from parallel_robot.cli.shared import add_bag_arguments, bag_view, robot_code
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from parallel_robot.analysis.replay import bag_rerun
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import run, simulate
-from parallel_robot.cli.results import TEXT, add_format_argument, show
+from parallel_robot.cli.shared import TEXT, add_format_argument, show
 from parallel_robot_model.common.errors import RunError
 
 

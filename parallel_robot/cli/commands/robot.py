@@ -8,7 +8,7 @@ from pathlib import Path
 from parallel_robot.analysis.machine import facts_of, readable
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.results import JSON, add_format_argument, show
+from parallel_robot.cli.shared import JSON, add_format_argument, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config_files

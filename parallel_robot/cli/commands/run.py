@@ -17,9 +17,9 @@ from parallel_robot.bags import history, output
 from parallel_robot.bags.experiment import OF_RUN, command_line
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.run.recorded_robot import RobotCode
-from parallel_robot.cli import results
+from parallel_robot.cli import shared
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.results import TEXT, add_format_argument, show, tell
+from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import (
     DRIVEN_OUT,
@@ -135,7 +135,7 @@ def record(
         print(f'warning: {text}', file=sys.stderr)
     ended = move(configuration, scenario, changed, out, namespace)
     try:
-        made = results.read_run(out, RobotCode(files=tuple(values['custom_robots'])))
+        made = shared.read_run(out, RobotCode(files=tuple(values['custom_robots'])))
     except BagError:
         if ended.signal:  # before the first state
             raise StoppedError(ended.signal) from None
@@ -153,9 +153,9 @@ def record(
     if ended.driven_out:
         failure = f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s'
     if form in (None, TEXT):
-        print(simulate.result(out, lambda: results.run_lines(made)))
+        print(simulate.result(out, lambda: shared.run_lines(made)))
     else:
-        show(form, *results.run_tables(made))
+        show(form, *shared.run_tables(made))
     if ended.signal:
         return StoppedError(ended.signal).exit_code
     if failure:

@@ -17,7 +17,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.cli.results import TEXT, add_format_argument, show, tell
+from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import delay_text

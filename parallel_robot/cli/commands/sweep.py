@@ -6,8 +6,13 @@ import argparse
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.options import add_worker_arguments, workers_of
-from parallel_robot.cli.results import add_format_argument, show, tell
+from parallel_robot.cli.shared import (
+    add_format_argument,
+    add_worker_arguments,
+    show,
+    tell,
+    workers_of,
+)
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.sweep import sweep

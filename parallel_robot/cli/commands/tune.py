@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.results import add_format_argument, show, tell
+from parallel_robot.cli.shared import add_format_argument, show, tell
 from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.trial import MEASURES
 from parallel_robot.studies.tuning.tuned import IMPROVEMENT, MOST_UNTIL, PATIENCES, Asked, tune

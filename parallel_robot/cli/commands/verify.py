@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.results import add_format_argument, show
+from parallel_robot.cli.shared import add_format_argument, show
 from parallel_robot.studies.verification import (
     SCENARIOS,
     Difference,
