@@ -9,7 +9,7 @@ import scipy.linalg
 from parallel_robot.analysis import metrics
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import calm
-from parallel_robot.studies.limit.prediction import LinearMotion, Noise, least, linearise, noise_of
+from parallel_robot.studies.limit import LinearMotion, Noise, least, linearise, noise_of
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 

@@ -8,14 +8,7 @@ import pytest
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.calm import WHOLE, least_error
-from parallel_robot.studies.limit.prediction import (
-    LinearMotion,
-    Noise,
-    errors,
-    least,
-    linearise,
-    noise_of,
-)
+from parallel_robot.studies.limit import LinearMotion, Noise, errors, least, linearise, noise_of
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import Plan, plan
 from parallel_robot.studies.sweep.run_chunk import run_chunk

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import SMOOTH, samples_beside
-from parallel_robot.studies.limit.prediction import (
+from parallel_robot.studies.limit import (
     EXACT,
     LinearMotion,
     Noise,
