@@ -6,6 +6,8 @@ Copies a revision and this tree, uncommitted changes included, runs the cases of
 equality_cases.txt in both, side by side, and compares exit codes, texts and files. Ends with 0 if
 nothing differs, 1 with what differs first in each file, 2 if it is called wrongly. `--only` takes
 names of cases as the shell does, `replay*`, and runs what they need, too.
+
+Nine minutes of processor time in all, and two for each tree whose kernels are not compiled yet.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ import argparse
 import collections
 import fnmatch
 import io
+import itertools
 import os
 import re
 import shlex
@@ -22,6 +25,7 @@ import subprocess
 import sys
 import tarfile
 import tempfile
+import threading
 import time
 import zipfile
 from collections.abc import Callable, Iterator
@@ -30,29 +34,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 import checkout
-import numpy as np
 import pyarrow.parquet
-import yaml
+from equality_given import give
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 LIST = Path(__file__).with_name('equality_cases.txt')
-GIVEN = {  # files of this tree that both are given
-    'example_law.py': 'docs/example_law.py',
-    'example_law_with_memory.py': 'docs/example_law_with_memory.py',
-    'example_robot.py': 'docs/example_robot.py',
-    'example_trajectory.py': 'docs/example_trajectory.py',
-    'example_parameters.yaml': 'docs/example_parameters.yaml',
-    'example_motion.csv': 'docs/example_motion.csv',
-    'motion.yaml': 'docs/example_motion.yaml',
-    'scenario.yaml': 'docs/example_scenario.yaml',
-    'machine.xml': 'config/machines/five_bar.xml',
-}
-PROTOCOL = 'config/benchmarks/protocol_1.yaml'
 SIDES = ('that', 'this')  # the revision, this tree; of one length, for paths show in texts
+ROOMS = ('tree', 'work', 'printed', 'tmp', 'log', 'state')  # of a side
 PATIENCE = 600.0  # s, for one case, compiling included
 SHOWN = 100  # characters of a difference
 FILES = 4  # files of a case that are shown
@@ -82,6 +72,9 @@ class Case(NamedTuple):
     name: str
     code: int
     words: list[str]
+
+
+Tell = Callable[[Case], bool]
 
 
 def cases() -> list[Case]:
@@ -130,67 +123,6 @@ def copy_this(folder: Path) -> None:
             shutil.copy2(checkout.ROOT / name, folder / name)
 
 
-def give(folder: Path) -> None:
-    """Write what both trees are given: files, wrong files, and the bag of a stranger's robot."""
-    folder.mkdir()
-    for name, source in GIVEN.items():
-        shutil.copy(checkout.ROOT / source, folder / name)
-    (folder / 'wrong.yaml').write_text('base: paper_circle\ncircle: {radius: 0.02\n')
-    (folder / 'wrong_type.yaml').write_text('base: paper_circle\ncircle.radius: wide\n')
-    (folder / 'junk').mkdir()
-    (folder / 'junk' / 'junk_0.mcap').write_bytes(bytes(range(256)) * 8)
-    protocol = yaml.safe_load((checkout.ROOT / PROTOCOL).read_text())
-    protocol |= {'duration': 0.5, 'scrambles': 2, 'speeds': [3.0]}
-    protocol['search'] |= {'trials': 2, 'runs': 1}
-    protocol['robots'] = {'planar_3rrr': protocol['robots']['planar_3rrr']}
-    (folder / 'protocol.yaml').write_text(yaml.safe_dump(protocol, sort_keys=False))
-    stranger(folder / 'foreign')
-
-
-def stranger(bag: Path) -> None:
-    """A bag of others: 200 Hz, other names and order of the joints, other topics."""
-    store = get_typestore(Stores.ROS2_JAZZY)
-    types = store.types
-    head, clock = types['std_msgs/msg/Header'], types['builtin_interfaces/msg/Time']
-    names, order = ['axis_3', 'axis_1', 'axis_2'], [2, 0, 1]
-    home = np.array([1.45, 3.25, -0.53])  # rad, of a robot like the paper's
-    speed, shift = 2.0 * np.pi * np.array([0.5, 0.7, 0.9]), np.array([0.0, 1.0, 2.0])
-    with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        topics = {
-            topic: writer.add_connection(topic, kind, typestore=store)
-            for topic, kind in (
-                ('/arm/joints', 'sensor_msgs/msg/JointState'),
-                ('/arm/desired', 'trajectory_msgs/msg/JointTrajectory'),
-                ('/arm/efforts', 'std_msgs/msg/Float64MultiArray'),
-            )
-        }
-
-        def write(topic: str, stamp: int, message: object) -> None:
-            kind = topics[topic].msgtype
-            writer.write(topics[topic], stamp, bytes(store.serialize_cdr(message, kind)))
-
-        for k in range(400):
-            t, stamp = 0.005 * k, 10**18 + 5_000_000 * k
-            wave = 0.05 * np.sin(speed * t + shift)
-            rate = 0.05 * speed * np.cos(speed * t + shift)
-            effort = 2.0 * rate - 0.8 * speed**2 * wave + 0.5 * np.sign(rate)
-            off = 1e-4 * np.sin(40.0 * t + shift)
-            header = head(clock(*divmod(stamp, 10**9)), '')
-            point = types['trajectory_msgs/msg/JointTrajectoryPoint'](
-                (home + wave)[order], rate[order], (-(speed**2) * wave)[order], np.zeros(0),
-                types['builtin_interfaces/msg/Duration'](0, 0),
-            )  # fmt: skip
-            motion = types['trajectory_msgs/msg/JointTrajectory'](header, names, [point])
-            state = types['sensor_msgs/msg/JointState'](
-                header, names, (home + wave + off)[order], rate[order], effort[order]
-            )
-            layout = types['std_msgs/msg/MultiArrayLayout']([], 0)
-            write('/arm/desired', stamp, motion)
-            write('/arm/joints', stamp + 100_000, state)
-            command = types['std_msgs/msg/Float64MultiArray'](layout, effort)
-            write('/arm/efforts', stamp + 400_000, command)
-
-
 def environment(folder: Path, domain: int) -> dict[str, str]:
     """Variables of one side; the cache of machine code is that of the user."""
     others = os.environ['PYTHONPATH'].split(os.pathsep)
@@ -205,21 +137,28 @@ def environment(folder: Path, domain: int) -> dict[str, str]:
     }
 
 
-def run(folder: Path, todo: list[Case], domain: int, tell: Callable[[str], None]) -> float:
+def check(folder: Path, variables: dict[str, str]) -> None:
+    """Check that the code in `tree` is what will run."""
+    where = [sys.executable, '-c', 'import parallel_robot; print(parallel_robot.__file__)']
+    found = subprocess.run(where, env=variables, cwd=folder, capture_output=True, text=True).stdout
+    if not found.startswith(str(folder / 'tree')):
+        raise SystemExit(f'{found.strip()} would be run, not {folder / "tree"}')
+
+
+def run(folder: Path, variables: dict[str, str], todo: list[Case], tell: Tell) -> float:
     """Run cases with the code in `tree`; texts go to `printed`.
+
+    Args:
+        folder: Of this side.
+        variables: Of its processes.
+        todo: The cases.
+        tell: Is told the name of each, and whether to go on.
 
     Returns:
         Processor time [s].
     """
-    variables, work = environment(folder, domain), folder / 'work'
-    for name in ('tmp', 'log', 'state', 'printed'):
-        (folder / name).mkdir()
-    where = [sys.executable, '-c', 'import parallel_robot; print(parallel_robot.__file__)']
-    found = subprocess.run(where, env=variables, cwd=work, capture_output=True, text=True).stdout
-    if not found.startswith(str(folder / 'tree')):
-        raise SystemExit(f'{found.strip()} would be run, not {folder / "tree"}')
-    used = 0.0
-    for case in todo:
+    work, used = folder / 'work', 0.0
+    for case in itertools.takewhile(tell, todo):
         first = [] if case.words[0] == '-c' else ['-m', 'parallel_robot']
         printed = folder / 'printed' / case.name
         command = [sys.executable, *first, *case.words]
@@ -230,23 +169,19 @@ def run(folder: Path, todo: list[Case], domain: int, tell: Callable[[str], None]
                 command, cwd=work, env=variables, stdin=subprocess.DEVNULL, stdout=out, stderr=err
             ) as process,
         ):
-            used += ended(process, case)
+            used += ended(process)
         printed.with_suffix('.code').write_text(f'exit code {process.returncode}')
-        tell(case.name)
     return used
 
 
-def ended(process: subprocess.Popen[bytes], case: Case) -> float:
+def ended(process: subprocess.Popen[bytes]) -> float:
     """Wait for a process and those that it waited for; returns their processor time [s]."""
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        pid, status, used = os.wait4(process.pid, os.WNOHANG)
-        if pid:
-            process.returncode = os.waitstatus_to_exitcode(status)
-            return used.ru_utime + used.ru_stime
-        time.sleep(0.01)
-    process.kill()
-    raise SystemExit(f'{case.name} has not ended after {PATIENCE:g} s')
+    timer = threading.Timer(PATIENCE, process.kill)
+    timer.start()
+    _, status, used = os.wait4(process.pid, 0)
+    timer.cancel()
+    process.returncode = os.waitstatus_to_exitcode(status)
+    return used.ru_utime + used.ru_stime
 
 
 def plain(data: bytes, folder: Path) -> str:
@@ -273,16 +208,22 @@ def parts(path: Path, data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
             for name in sorted(packed.namelist()):
                 inside = parts(Path(name), packed.read(name), folder)
                 yield from ((f'{name}, {where}', content) for where, content in inside)
+    elif b'\0' in data:
+        yield 'bytes', data.replace(bytes(folder), b'<side>').hex(' ')
     else:
         lines = plain(data, folder).splitlines()
         yield from ((f'line {line}', content) for line, content in enumerate(lines, 1))
 
 
 def messages(data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
-    """Records of an MCAP file, topic by topic: nodes write theirs in any order."""
+    """Records of an MCAP file by topic, parameters of nodes by node.
+
+    Only within a topic the order is that of the bag: nodes are not heard in the same order twice.
+    """
     schemas: dict[int, Schema] = {}
     topics: dict[int, str] = {}
     found: collections.Counter[str] = collections.Counter()
+    notes = []
     try:
         for record in StreamReader(io.BytesIO(data), emit_chunks=False).records:
             if isinstance(record, Schema):
@@ -301,12 +242,13 @@ def messages(data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
             elif isinstance(record, Attachment):
                 yield f'attachment {record.name}', plain(record.data, folder)
             elif isinstance(record, Metadata):
-                found[record.name] += 1
-                for key in sorted(record.metadata):
-                    where = f'metadata {record.name} {found[record.name]}, {key}'
-                    yield where, plain(record.metadata[key].encode(), folder)
+                for key, value in record.metadata.items():
+                    where = f'metadata {record.name}, {key}'
+                    found[where] += 1
+                    notes.append((f'{where} {found[where]}', plain(value.encode(), folder)))
     except McapError as error:
         yield 'end', str(error)
+    yield from notes
 
 
 def difference(name: Path, folders: list[Path]) -> str:
@@ -318,16 +260,18 @@ def difference(name: Path, folders: list[Path]) -> str:
     if contents[0] == contents[1]:
         return ''
     those, these = (dict(parts(name, *each)) for each in zip(contents, folders, strict=True))
-    for where in [*those, *(key for key in these if key not in those)]:
-        pair = [side.get(where, '(nothing)') for side in (those, these)]
-        if pair[0] != pair[1]:
-            both = zip(*pair, strict=False)
-            first = next((k for k, (a, b) in enumerate(both) if a != b), min(map(len, pair)))
-            begin = max(0, first - SHOWN // 3)
-            shown = [ascii(text[begin : begin + SHOWN]) for text in pair]
-            told = [f'\n    {side}: {text}' for side, text in zip(SIDES, shown, strict=True)]
-            return f'{where}{"".join(told)}'
-    return ''
+    keys = [*those, *(key for key in these if key not in those)]
+    differ = [key for key in keys if those.get(key) != these.get(key)]
+    if not differ:
+        return ''
+    pair = [side.get(differ[0], '(nothing)') for side in (those, these)]
+    same = (k for k, (a, b) in enumerate(zip(*pair, strict=False)) if a != b)
+    begin = max(0, next(same, min(map(len, pair))) - SHOWN // 3)
+    told = [
+        f'\n    {side}: {ascii(text[begin : begin + SHOWN])[: 2 * SHOWN]}'
+        for side, text in zip(SIDES, pair, strict=True)
+    ]
+    return f'{differ[0]}, first of {len(differ)}{"".join(told)}'
 
 
 def compare(folders: list[Path], todo: list[Case]) -> tuple[int, dict[str, list[str]]]:
@@ -365,36 +309,40 @@ def main() -> int:
         parser.error(f'{words.keep} exists')
     folder = words.keep.resolve() if words.keep else Path(tempfile.mkdtemp())
     folders = [folder / side for side in SIDES]
+    begun, domain, stopped = time.monotonic(), 10 + os.getpid() % 40, threading.Event()
+
+    def tell(case: Case) -> bool:
+        sys.stderr.write(f'\r{time.monotonic() - begun:4.0f} s  {case.name:<20}')
+        return not stopped.is_set()
+
     try:
         for each in folders:
-            (each / 'tree').mkdir(parents=True)
-            (each / 'work').mkdir()
+            for room in ROOMS:
+                (each / room).mkdir(parents=True)
         try:
             copy_revision(words.revision, folders[0] / 'tree')
         except ValueError as error:
             parser.error(str(error))
         copy_this(folders[1] / 'tree')
         give(folder / 'given')
-        for each in folders:
+        sides = [environment(each, domain + 45 * k) for k, each in enumerate(folders)]
+        for each, variables in zip(folders, sides, strict=True):
             shutil.copytree(folder / 'given', each / 'work' / 'given')
-        begun, domain = time.monotonic(), 10 + os.getpid() % 40
-
-        def tell(name: str) -> None:
-            sys.stderr.write(f'\r{time.monotonic() - begun:4.0f} s  {name:<20}')
-
+            check(each, variables)
         with ThreadPoolExecutor(2) as pool:
-            used = [
-                pool.submit(run, each, todo, domain + 45 * k, tell)
-                for k, each in enumerate(folders)
-            ]
-            spent = sum(each.result() for each in used)
+            try:
+                spent = sum(pool.map(run, folders, sides, [todo, todo], [tell, tell]))
+            except KeyboardInterrupt:
+                stopped.set()
+                raise
         taken = time.monotonic() - begun
         sys.stderr.write('\r' + 30 * ' ' + '\r')
         count, found = compare(folders, todo)
     finally:
         if not words.keep:
             shutil.rmtree(folder)
-    for name, told in found.items():
+    order = [case.name for case in todo]
+    for name, told in sorted(found.items(), key=lambda item: [*order, item[0]].index(item[0])):
         print('\n'.join([name, *(f'  {each}' for each in told[:FILES])]))
         if len(told) > FILES:
             print(f'  and {len(told) - FILES} more files')
