@@ -55,6 +55,8 @@ OWN = {
     r'^((fmu|package) .* parameters, )[\d.]+ s$': r'\1WALL',  # of compiling it
     r'^( +"seconds": )[\d.]+$': r'\1WALL',  # of a benchmark
     r'(guid|instantiationToken)( ?= ?)"[0-9a-f-]{36}"': r'\1\2"ID"',  # a hash of NATIVE
+    r"(?<=\.fmu',\n    ')[0-9a-f]{64}": 'ID',  # likewise, in a bag of a law that is an FMU
+    r'^parallel_robot run: the nodes are compiling;.*\n': '',  # of new kernels, once
     r'(in ROS domain )\d+': r'\1DOMAIN',  # one for each side
     r'(<dc:date>)[^<]*': r'\1DATE',  # of pictures
     r'(?<=["#])[pm][0-9a-f]{10}(?=[")])': 'ID',  # random names of clips and markers in pictures
