@@ -20,6 +20,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 
+import parallel_robot_model.compiler.vector_functions  # noqa: F401 what vectors are in kernels
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler.numba_parts import (
     CachedDispatcher,
