@@ -11,7 +11,7 @@ WARM := import logging, sys; \
   from parallel_robot_control.configuration import resolve; \
   from parallel_robot_control.controller import Controller; \
   from parallel_robot_sim.configuration import configure; \
-  from parallel_robot_sim.simulator import Simulator; \
+  from parallel_robot_sim.plant_run import Simulator; \
   from trajectory_gen.configuration import motions_of; \
   values = resolve('paper_circle'); \
   whole = configure(values);

@@ -151,7 +151,7 @@ class Controller(ControllerState):
     def apply(self, change: Change) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.
 
-        See :func:`transitions.switched`.
+        See :func:`controller_state.switched`.
         """
         self.configuration = change.configuration
         before, after = self._core, change.core

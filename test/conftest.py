@@ -23,7 +23,8 @@ QUICK = (  # tests that need no more than the suite, pytest and hypothesis
 
 
 PROCESSES = (  # tests that start processes
-    *('across_hosts', 'any_robot', 'arguments', 'benchmarks', 'bus', 'c_law', 'calibrate'),
+    *('across_hosts', 'any_robot', 'arguments', 'benchmark', 'benchmarks', 'bus', 'c_law'),
+    'calibrate',
     *('cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
     *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),

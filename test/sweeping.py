@@ -54,7 +54,7 @@ class Inline:
 @pytest.fixture
 def inline(monkeypatch):
     """Runs of studies take place in this process; workers are tried in test_sweep_losses.py."""
-    for module in ('cli.worker_options', 'python.notebook', 'studies.tuning.tuned'):
+    for module in ('cli.shared', 'python.notebook', 'studies.tuning.tuned'):
         monkeypatch.setattr(f'parallel_robot.{module}.Processes', lambda _: Inline())
 
 
@@ -63,7 +63,7 @@ def undrawn(monkeypatch):
     """Pictures of sweeps and searches are empty files; to draw them takes a second."""
     for place, suffixes in (
         ('sweep.picture.encoded', ('png', 'pdf')),
-        ('tuning.picture.saved', ('svg', 'png')),
+        ('tuning.output.saved_figure', ('svg', 'png')),
     ):
         empty = dict.fromkeys(suffixes, b'')
         monkeypatch.setattr(f'parallel_robot.studies.{place}', lambda _, empty=empty: empty)

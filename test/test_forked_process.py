@@ -11,7 +11,7 @@ from ros_fixtures import PATIENCE
 
 PARENT = """
 import atexit, logging, os, signal, socket, sys, tempfile, threading, time
-from parallel_robot_model.processes import forked_process, module_process
+from parallel_robot_model.processes import child_process
 
 atexit.register(print, 'the parent ends')
 logging.basicConfig(format='the parent says %(message)s')
@@ -21,7 +21,7 @@ for number in (signal.SIGTERM, signal.SIGHUP):
 held, folder = socket.socket(), tempfile.TemporaryDirectory()
 print('said once')
 log = tempfile.TemporaryFile()
-process = forked_process.ForkedProcess('a_name', 'a_node', ['-x', 'y'], log, {'GIVEN': 'new'})
+process = child_process.ForkedProcess('a_name', 'a_node', ['-x', 'y'], log, {'GIVEN': 'new'})
 """
 NODE = """
 import json, logging, os, signal, sys
@@ -103,7 +103,7 @@ def test_a_signal_at_its_birth_ends_it(tmp_path):
         process.kill()
         codes = set()
         for k in range(200):
-            process = forked_process.ForkedProcess('a_name', 'a_node', [], log, {})
+            process = child_process.ForkedProcess('a_name', 'a_node', [], log, {})
             process.send_signal(signal.SIGTERM)
             codes.add(process.wait(100.0))
         print(codes)
@@ -118,15 +118,15 @@ def test_no_process_with_threads_or_with_code_that_may_have_some_is_forked(tmp_p
         tmp_path,
         'def main(): pass\n',
         """
-        print(forked_process.possible())
+        print(child_process.can_fork())
         thread = threading.Thread(target=time.sleep, args=(0.5,))
         thread.start()
-        print(forked_process.possible())
+        print(child_process.can_fork())
         thread.join()
-        print(forked_process.possible())
+        print(child_process.can_fork())
         for name in ('rclpy', 'parallel_robot_custom_a_law'):
             sys.modules[name] = None
-            print(forked_process.possible())
+            print(child_process.can_fork())
             del sys.modules[name]
     """,
     )

@@ -51,7 +51,7 @@ def _popen(words, env, pass_fds, **others):
 
 
 class WarmTrial:
-    """A trial that was forked; what `trial_process` uses of `subprocess.Popen`."""
+    """A trial that was forked; what `child_process` uses of `subprocess.Popen`."""
 
     def __init__(self, parent, words, environment, descriptors):
         self._answers, theirs = socket.socketpair()

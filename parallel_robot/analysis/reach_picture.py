@@ -287,8 +287,8 @@ def write_reach(configuration: Configuration, plane: str, path: Path) -> str:
 
     Args:
         configuration: The scenario.
-        plane: The plane, see :func:`reach.plane.named_plane`; empty: that of the motion.
-        path: A new file, see :func:`check`.
+        plane: The plane, see :func:`reach.named_plane`; empty: that of the motion.
+        path: A new file, see :func:`check_reach_file`.
 
     Returns:
         What was found, in a line.

@@ -209,7 +209,7 @@ def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> Ended
     """Run a trial in a separate process, and end whatever it leaves behind.
 
     Args:
-        module: Module of the suite that calls :func:`serve` when it is run.
+        module: Module of the suite that calls :func:`serve_trial` when it is run.
         task: What it is given, plain data.
         environment: Variables that it has besides those of this process.
     """
@@ -255,7 +255,7 @@ def trial_ending(code: int | None) -> str:
 
 
 def serve_trial(trial: Callable[[dict[str, Any]], Any]) -> None:
-    """Do what :func:`run` asks of this process, and end it.
+    """Do what :func:`run_trial` asks of this process, and end it.
 
     Args:
         trial: Function of the task; what it returns is plain data.

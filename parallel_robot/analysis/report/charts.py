@@ -88,7 +88,7 @@ class Chart(NamedTuple):
     of_paper: bool = True
 
     def logarithmic(self, scale: str) -> bool:
-        """Whether its errors are drawn as magnitudes, see :func:`scale.logarithmic`."""
+        """Whether its errors are drawn as magnitudes, see :func:`looks.logarithmic`."""
         curves = [curve.y for panel in self.panels for curve in panel.curves]
         return self.magnitude and logarithmic(scale, curves)
 

@@ -38,7 +38,7 @@ def aligned(
     Args:
         bag: The bag, for error messages.
         found: What was read of it.
-        streams: Its messages, see :func:`run_topics.streams_of`.
+        streams: Its messages, see :func:`run_messages.streams_of`.
         settings: See :func:`experiment.configuration`.
         view: What it does not say itself.
         span: The part; messages around it are there, too.

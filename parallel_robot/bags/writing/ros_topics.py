@@ -188,7 +188,7 @@ def listen_all(
         node: The node that listens.
         topic: Relative name for topics of the suite, else without its leading slash.
         qos: Quality of service; None: that of the topics of the suite.
-        take: Receives the messages, see :func:`subscription.listen`.
+        take: Receives the messages, see :func:`connections.listen`.
     """
     profile = qos or qos_of(topic)
     profile.depth = DEPTH  # latched topics too: every message is wanted

@@ -120,7 +120,7 @@ def record(
         changed: Key to value.
         out: Directory of the bag.
         namespace: Full name of the namespace of the nodes; empty for none.
-        form: Format of the results, see :mod:`result_format`.
+        form: Format of the results, see :mod:`shared`.
 
     Returns:
         An exit code: 0, or that of the signal that stopped the run.

@@ -270,7 +270,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
         scenario: Name or file of the scenario.
         changed: Keys of its configuration and their values.
         out: Directory of the bag.
-        form: Format of the results, see :mod:`result_format`.
+        form: Format of the results, see :mod:`shared`.
 
     Raises:
         InputError: something is wrong with the configuration or the place of the bag.

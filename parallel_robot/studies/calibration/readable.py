@@ -154,7 +154,7 @@ def parameter_text(model: PoseModel, found: Fit, bag: str) -> str:
 
 
 def parameter_groups(model: PoseModel, found: Fit) -> dict[str, dict[str, Any]]:
-    """The robot as groups of the configuration, see :func:`text`."""
+    """The robot as groups of the configuration, see :func:`parameter_text`."""
     every = model.robot_with(found.values).parameters._asdict()
     robot = {
         key: rounded(every[key], DIGITS)

@@ -192,7 +192,7 @@ def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]
 def parameter_groups(
     found: Identified, noise: Mapping[str, list[float]]
 ) -> dict[str, dict[str, Any]]:
-    """The robot as groups of the configuration, see :func:`text`."""
+    """The robot as groups of the configuration, see :func:`parameter_text`."""
     robot = found.robot
     tree: dict[str, dict[str, Any]] = {
         'robot': {key: rounded(value, DIGITS) for key, value in robot.robot.items()},

@@ -83,7 +83,7 @@ class Tuning:
 
     @property
     def measured(self) -> tuple[str, str]:
-        """Keys of sweep.table.METRICS of tracking error and effort."""
+        """Keys of sweep.store.METRICS of tracking error and effort."""
         return self._error.column, MEASURES[self.effort.measure].column
 
     @property
