@@ -32,16 +32,11 @@ Figures = dict[str, Any]
 
 
 class Report(NamedTuple):
-    """What the plant says in its diagnostics, once a second.
+    """What the plant says in its diagnostics, once a second."""
 
-    Attributes:
-        at: Stamp [s].
-        state: Index of the last state.
-        delays: p50, p99, max [ms] of the last second, by the name of the delay.
-    """
-
-    at: float
-    state: int
+    at: float  # stamp [s]
+    state: int  # index of the last state
+    # p50, p99, max [ms] of the last second, by the name of the delay
     delays: dict[str, list[float]]
 
 

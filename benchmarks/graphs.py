@@ -31,30 +31,19 @@ READY = 60.0  # s, for the twin to be matched
 
 
 class Graph(NamedTuple):
-    """A graph that runs.
+    """A graph that runs."""
 
-    Attributes:
-        running: Whether it still runs.
-        pids: Process of each node, by its name.
-    """
-
-    running: Callable[[], bool]
-    pids: Callable[[], Mapping[str, int]]
+    running: Callable[[], bool]  # whether it still runs
+    pids: Callable[[], Mapping[str, int]]  # process of each node, by its name
 
 
 class Outcome:
-    """How a graph ended.
-
-    Attributes:
-        code: Exit code; None while it runs.
-        said: What the suite said on its standard error.
-        published: Messages of the twin by topic name.
-    """
+    """How a graph ended."""
 
     def __init__(self) -> None:
-        self.code: int | None = None
-        self.said = ''
-        self.published: Counter[str] = Counter()
+        self.code: int | None = None  # exit code; None while it runs
+        self.said = ''  # what the suite said on its standard error
+        self.published: Counter[str] = Counter()  # messages of the twin by topic name
 
 
 @contextlib.contextmanager

@@ -51,42 +51,27 @@ BOUNDS = {'torque': 1.5, 'distance': 1e-3, 'told': 0.2}  # ratio, m or rad, s
 
 
 class Cell(NamedTuple):
-    """What became of a run: a scenario, a law, a hazard.
+    """What became of a run: a scenario, a law, a hazard."""
 
-    Attributes:
-        scenario: Name of the scenario.
-        law: Name of the law.
-        hazard: The hazard as it is typed.
-        distance: Of the true end effector from its reference [m], of axes the joint error [rad]:
-            largest while the hazard lasted, after it, and after the call of ~/clear_fault.
-        commanded: Largest torque asked for, likewise [N m].
-        applied: Largest torque of the motors, likewise [N m].
-        speed: Largest joint speed, likewise [rad/s].
-        told: When somebody was told, after the begin [s]; None: never.
-        code: By which code: of a fault, of what the status tells, or by the plant.
-        fault: Code of the fault at the call of ~/clear_fault; empty for none.
-        way: Way of the end effector from the fault until it rested, or until it was cleared [m].
-        share: Largest torque after the hazard, of what an approach from there takes.
-        driven_out: Whether the robot left its workspace.
-        last: Code of the fault at the end; empty for none.
-        stays: Whether it stays, rightly: the robot is where its cause, or another, lasts, or a
-            person must confirm its pose.
-    """
-
-    scenario: str
-    law: str
-    hazard: str
+    scenario: str  # name of the scenario
+    law: str  # name of the law
+    hazard: str  # the hazard as it is typed
+    # of the true end effector from its reference [m], of axes the joint error [rad]: largest
+    # while the hazard lasted, after it, and after the call of ~/clear_fault
     distance: tuple[float, ...]
-    commanded: tuple[float, ...]
-    applied: tuple[float, ...]
-    speed: tuple[float, ...]
-    told: float | None
-    code: str
-    fault: str
+    commanded: tuple[float, ...]  # largest torque asked for, likewise [N m]
+    applied: tuple[float, ...]  # largest torque of the motors, likewise [N m]
+    speed: tuple[float, ...]  # largest joint speed, likewise [rad/s]
+    told: float | None  # when somebody was told, after the begin [s]; None: never
+    code: str  # by which code: of a fault, of what the status tells, or by the plant
+    fault: str  # code of the fault at the call of ~/clear_fault; empty for none
+    # way of the end effector from the fault until it rested, or until it was cleared [m]
     way: float
-    share: float
-    driven_out: bool
-    last: str
+    share: float  # largest torque after the hazard, of what an approach from there takes
+    driven_out: bool  # whether the robot left its workspace
+    last: str  # code of the fault at the end; empty for none
+    # whether it stays, rightly: the robot is where its cause, or another, lasts, or a person
+    # must confirm its pose
     stays: bool
 
     @property

@@ -54,21 +54,13 @@ CHANGES = ([], ['law=fotsmc'], [], ['fotsmc.G=12'], [], ['law=s_fotsmc'], [], ['
 
 
 class Outcome(NamedTuple):
-    """What joins did to a loop.
+    """What joins did to a loop."""
 
-    Attributes:
-        joins: How many processes joined, did what they should, and left.
-        faults: What the controller said.
-        step: Largest change of the applied torque in a period, after the start [N m].
-        held: Times for which the torque stayed the same [s].
-        granted: Real-time priority of the controller, and the middleware.
-    """
-
-    joins: int
-    faults: tuple[str, ...]
-    step: float
-    held: np.ndarray
-    granted: str
+    joins: int  # how many processes joined, did what they should, and left
+    faults: tuple[str, ...]  # what the controller said
+    step: float  # largest change of the applied torque in a period, after the start [N m]
+    held: np.ndarray  # times for which the torque stayed the same [s]
+    granted: str  # real-time priority of the controller, and the middleware
 
 
 def joins(

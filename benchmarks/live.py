@@ -51,19 +51,12 @@ HANDSHAKE = (
 
 
 class Phase(NamedTuple):
-    """What was measured for some seconds.
+    """What was measured for some seconds."""
 
-    Attributes:
-        lag: Median over the seconds of the lag's p99 [ms].
-        processor: Of the three nodes together [% of a core].
-        page: Of the page's process [% of a core].
-        memory: Of the page's process at the end [MB].
-    """
-
-    lag: float
-    processor: float
-    page: float
-    memory: float
+    lag: float  # median over the seconds of the lag's p99 [ms]
+    processor: float  # of the three nodes together [% of a core]
+    page: float  # of the page's process [% of a core]
+    memory: float  # of the page's process at the end [MB]
 
 
 def lags(node: rclpy.node.Node, seconds: float) -> float:

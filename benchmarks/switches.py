@@ -53,17 +53,11 @@ nodes"""
 
 
 class Phase(NamedTuple):
-    """What was asked of the loop within spans of time.
+    """What was asked of the loop within spans of time."""
 
-    Attributes:
-        name: What was asked.
-        spans: Begin and end of each span [ns].
-        answers: How long each answer took [s].
-    """
-
-    name: str
-    spans: list[tuple[int, int]]
-    answers: list[float]
+    name: str  # what was asked
+    spans: list[tuple[int, int]]  # begin and end of each span [ns]
+    answers: list[float]  # how long each answer took [s]
 
     def inside(self, times: np.ndarray) -> np.ndarray:
         """Which times [ns] lie within the spans, same shape."""

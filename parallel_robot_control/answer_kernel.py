@@ -61,28 +61,18 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
 
 
 class Shared(NamedTuple):
-    """The arrays that Python and the kernels share.
+    """The arrays that Python and the kernels share."""
 
-    Attributes:
-        measured: Position, velocity and effort of the last state, shape (3, n).
-        telemetry: Telemetry of the last answer, one row a vector, shape (4, n).
-        numbers: Limits, stamps and counts, shape (14,).
-        command: The command message of the last answer, serialised.
-        torques: The torques in it [N m], shape (n,).
-        log: Stamps of state and reference of each answer, and when its torque acts [ns],
-            shape (AGES, 3).
-        commanded: Torques of each answer in the log [N m], shape (AGES, n).
-        ages: Ages of the states when they were answered [ns], shape (AGES,).
-    """
-
-    measured: Array
-    telemetry: Array
-    numbers: NDArray[np.int64]
-    command: NDArray[np.uint8]
-    torques: Array
+    measured: Array  # position, velocity and effort of the last state, shape (3, n)
+    telemetry: Array  # telemetry of the last answer, one row a vector, shape (4, n)
+    numbers: NDArray[np.int64]  # limits, stamps and counts, shape (14,)
+    command: NDArray[np.uint8]  # the command message of the last answer, serialised
+    torques: Array  # the torques in it [N m], shape (n,)
+    # stamps of state and reference of each answer, and when its torque acts [ns], shape
+    # (AGES, 3)
     log: NDArray[np.int64]
-    commanded: Array
-    ages: NDArray[np.int64]
+    commanded: Array  # torques of each answer in the log [N m], shape (AGES, n)
+    ages: NDArray[np.int64]  # ages of the states when they were answered [ns], shape (AGES,)
 
 
 def shared(joints: int) -> Shared:
@@ -169,45 +159,26 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
 
 
 class Stamps(NamedTuple):
-    """Times of an answer [ns].
+    """Times of an answer [ns]."""
 
-    Attributes:
-        stamp: Stamp of the state.
-        acts: Stamp of the sample from which on the torque acts, as far as it counts.
-        now: The same, whether it counts or not.
-        known: Stamp of the reference used.
-        before: Stamp of the state answered before; NEVER if there is none.
-        stale: Whether the reference is too old.
-    """
-
-    stamp: int
-    acts: int
-    now: int
-    known: int
-    before: int
-    stale: bool
+    stamp: int  # stamp of the state
+    acts: int  # stamp of the sample from which on the torque acts, as far as it counts
+    now: int  # the same, whether it counts or not
+    known: int  # stamp of the reference used
+    before: int  # stamp of the state answered before; NEVER if there is none
+    stale: bool  # whether the reference is too old
 
 
 class Question(NamedTuple):
-    """A state with everything that is needed to answer it.
+    """A state with everything that is needed to answer it."""
 
-    Attributes:
-        code: ANSWERED if the state can be answered, else the reason why not.
-        stamps: Times of the answer.
-        reference: Desired joint motion when the torque acts.
-        position: Measured angles [rad], shape (n,).
-        velocity: Measured rates [rad/s], shape (n,).
-        effort: Torque applied before the state [N m], shape (n,); NaN where it is not known.
-        dt: Time since the previous state [s].
-    """
-
-    code: int
-    stamps: Stamps
-    reference: JointReference
-    position: Array
-    velocity: Array
-    effort: Array
-    dt: float
+    code: int  # ANSWERED if the state can be answered, else the reason why not
+    stamps: Stamps  # times of the answer
+    reference: JointReference  # desired joint motion when the torque acts
+    position: Array  # measured angles [rad], shape (n,)
+    velocity: Array  # measured rates [rad/s], shape (n,)
+    effort: Array  # torque applied before the state [N m], shape (n,); NaN where it is not known
+    dt: float  # time since the previous state [s]
 
 
 @inner
@@ -361,14 +332,11 @@ def _close(
 
 
 class AnswerLog:
-    """The record that the kernels keep of each answer, collected from time to time.
-
-    Attributes:
-        rhythm: How often states come and are skipped, of what was collected.
-    """
+    """The record that the kernels keep of each answer, collected from time to time."""
 
     def __init__(self, arrays: Shared, period: int) -> None:
         """Prepare the log; `arrays` are shared with the kernels, `period` is in ns."""
+        # how often states come and are skipped, of what was collected
         self.rhythm = StateRhythm(period)
         self._arrays = arrays
         self._numbers = arrays.numbers

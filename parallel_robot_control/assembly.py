@@ -23,17 +23,11 @@ from parallel_robot_model.robots.contract import PoseMotion
 
 
 class Control(NamedTuple):
-    """A controller before its first state.
-
-    Attributes:
-        law: The law.
-        setup: Law, robot and limits of the control cycle.
-        state: State before the first cycle.
-    """
+    """A controller before its first state."""
 
     law: PreparedLaw
-    setup: ControlSetup
-    state: CycleState
+    setup: ControlSetup  # law, robot and limits of the control cycle
+    state: CycleState  # state before the first cycle
 
 
 def assemble(

@@ -14,23 +14,14 @@ from parallel_robot_model.compiler import kernel, read_row, write_row
 
 
 class States(NamedTuple):
-    """States of the robot, one row each.
+    """States of the robot, one row each."""
 
-    Attributes:
-        position: Measured angles [rad], shape (N, n).
-        velocity: Measured rates [rad/s], shape (N, n).
-        effort: Torque applied before each [N m], NaN where it is not known, shape (N, n).
-        dt: Time since the previous state [s], shape (N,).
-        sample: Index of the sample from which on the torque acts, shape (N,).
-        age: From the measurement to that sample [s], shape (N,).
-    """
-
-    position: Array
-    velocity: Array
-    effort: Array
-    dt: Array
-    sample: NDArray[np.int64]
-    age: Array
+    position: Array  # measured angles [rad], shape (N, n)
+    velocity: Array  # measured rates [rad/s], shape (N, n)
+    effort: Array  # torque applied before each [N m], NaN where it is not known, shape (N, n)
+    dt: Array  # time since the previous state [s], shape (N,)
+    sample: NDArray[np.int64]  # index of the sample from which on the torque acts, shape (N,)
+    age: Array  # from the measurement to that sample [s], shape (N,)
 
     def part(self, rows: slice) -> States:
         """Some of them."""
@@ -39,17 +30,11 @@ class States(NamedTuple):
 
 
 class Batch(NamedTuple):
-    """Answers to the first states.
+    """Answers to the first states."""
 
-    Attributes:
-        torque: Commanded torque [N m], shape (answered, n).
-        answered: Number of states answered before the first unexpected torque.
-        state: State of the controller after the last of them.
-    """
-
-    torque: Array
-    answered: int
-    state: CycleState
+    torque: Array  # commanded torque [N m], shape (answered, n)
+    answered: int  # number of states answered before the first unexpected torque
+    state: CycleState  # state of the controller after the last of them
 
 
 def answer(

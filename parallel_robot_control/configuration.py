@@ -55,39 +55,22 @@ class ControllerParameters(NamedTuple):
 
 
 class ControlConfiguration(NamedTuple):
-    """Configuration of a controller.
+    """Configuration of a controller."""
 
-    Attributes:
-        loop: Period, joints, active law and the like.
-        robot: Nominal robot.
-        safety: Limits and the safe action.
-        margins: SafetyMargins of the robot.
-        guess: Pose from which the first forward kinematics starts, m numbers.
-        stopped: Whether the controller begins in emergency stop.
-        lifecycle: Whether its node is a managed one.
-        estimator: Where the motion of the joints is known from.
-        lock_in: How the age of the states is identified, if it is.
-        approach: How the robot joins the desired motion.
-        repetition: What is learned from turn to turn.
-        turn: Samples of a turn; 0 where nothing is learned.
-        laws: All laws by name.
-        gains: Gains of each law.
-    """
-
-    loop: LoopParameters
-    robot: RobotModel
-    safety: SafetyParameters
-    margins: Any
-    guess: tuple[float, ...]
-    stopped: bool
-    lifecycle: bool
-    estimator: EstimatorParameters
-    lock_in: LockInParameters
-    approach: ApproachParameters
-    repetition: RepetitionParameters
-    turn: int
-    laws: Mapping[str, Law]
-    gains: Mapping[str, Any]
+    loop: LoopParameters  # period, joints, active law and the like
+    robot: RobotModel  # nominal robot
+    safety: SafetyParameters  # limits and the safe action
+    margins: Any  # safetyMargins of the robot
+    guess: tuple[float, ...]  # pose from which the first forward kinematics starts, m numbers
+    stopped: bool  # whether the controller begins in emergency stop
+    lifecycle: bool  # whether its node is a managed one
+    estimator: EstimatorParameters  # where the motion of the joints is known from
+    lock_in: LockInParameters  # how the age of the states is identified, if it is
+    approach: ApproachParameters  # how the robot joins the desired motion
+    repetition: RepetitionParameters  # what is learned from turn to turn
+    turn: int  # samples of a turn; 0 where nothing is learned
+    laws: Mapping[str, Law]  # all laws by name
+    gains: Mapping[str, Any]  # gains of each law
 
     @property
     def custom(self) -> bool:

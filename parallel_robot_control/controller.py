@@ -52,11 +52,6 @@ class Controller(ControllerState):
 
     :meth:`answer` is for messages of a known layout, :meth:`add_state` for numbers; both end
     in the same kernel.
-
-    Attributes:
-        command: The command message of the last answer.
-        code: What :func:`answer_kernel.answer` returned for the last state.
-        log: Log of the states that were answered.
     """
 
     def __init__(self, configuration: ControlConfiguration) -> None:
@@ -75,7 +70,7 @@ class Controller(ControllerState):
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
-        self.log = AnswerLog(self._arrays, loop.period_ns)
+        self.log = AnswerLog(self._arrays, loop.period_ns)  # log of the states that were answered
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         self._first: int | None = None  # stamp from which on the first torque of the run acted
@@ -84,8 +79,8 @@ class Controller(ControllerState):
             HazardTimes(hazards, loop.period, configuration.safety.state_age) if hazards else None
         )
         self._sample = -1  # of the last state that was heard, for hazards
-        self.command = b''
-        self.code = 0
+        self.command = b''  # the command message of the last answer
+        self.code = 0  # what :func:`answer_kernel.answer` returned for the last state
         self._cores = LawCores(configuration, self._common, self._own)
         self._core = self._cores.make(configuration)
 

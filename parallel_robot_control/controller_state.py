@@ -119,12 +119,7 @@ REFUSAL_TIMEOUT = NANOSECONDS // 10  # ns, for which all states are refused befo
 
 
 class ControllerState:
-    """State of a controller between two cycles, in what its kernels share.
-
-    Attributes:
-        configuration: The present configuration.
-        counts: Number of unusual events by their description.
-    """
+    """State of a controller between two cycles, in what its kernels share."""
 
     def __init__(self, configuration: ControlConfiguration) -> None:
         """Begin without a fault, before the first state.
@@ -133,8 +128,8 @@ class ControllerState:
             InputError: the compiler is switched off.
         """
         need_compiler()
-        self.configuration = configuration
-        self.counts: Counter[str] = Counter()
+        self.configuration = configuration  # the present configuration
+        self.counts: Counter[str] = Counter()  # number of unusual events by their description
         self._loop = loop = configuration.loop
         self._faults = faults.of(configuration.robot.module)
         safety = configuration.safety

@@ -40,96 +40,55 @@ from parallel_robot_model.compiler import (
 
 
 class CycleState(NamedTuple):
-    """What one cycle hands to the next.
+    """What one cycle hands to the next."""
 
-    Attributes:
-        pose: Pose by forward kinematics, shape (m,); the guess for the next one.
-        last: What the cycle saw and did.
-        excess: Torque of the law that the limits cut off [N m], shape (n,).
-        held: Joint angles at the moment of the fault [rad], shape (n,).
-        fault: NONE or the number of the fault, see mechanism.py; it is latched.
-        estimated: Estimates of filter and differentiator; not used without one.
-        begins: What the next cycle begins: GOES_ON, START or BACK.
-        lost: Whether the pose may be that of another assembly mode, see assembly_mode.py; it is
-            latched.
-    """
-
-    pose: Array
-    last: Last
-    excess: Array
-    held: Array
-    fault: int
-    estimated: Estimated
-    begins: int
+    pose: Array  # pose by forward kinematics, shape (m,); the guess for the next one
+    last: Last  # what the cycle saw and did
+    excess: Array  # torque of the law that the limits cut off [N m], shape (n,)
+    held: Array  # joint angles at the moment of the fault [rad], shape (n,)
+    fault: int  # NONE or the number of the fault, see mechanism.py; it is latched
+    estimated: Estimated  # estimates of filter and differentiator; not used without one
+    begins: int  # what the next cycle begins: GOES_ON, START or BACK
+    # whether the pose may be that of another assembly mode, see assembly_mode.py; it is
+    # latched
     lost: bool
 
 
 class When(NamedTuple):
-    """Times of a cycle.
+    """Times of a cycle."""
 
-    Attributes:
-        sample: Index of the sample from which on the torque acts.
-        age: From the measurement of the state to that sample, as the stamps tell [s].
-        dt: From the measurement of the state before to that of this one [s].
-    """
-
-    sample: int
-    age: float
-    dt: float
+    sample: int  # index of the sample from which on the torque acts
+    age: float  # from the measurement of the state to that sample, as the stamps tell [s]
+    dt: float  # from the measurement of the state before to that of this one [s]
 
 
 class ControlSetup(NamedTuple):
-    """The constant parts of a controller.
+    """The constant parts of a controller."""
 
-    Attributes:
-        step: Step of the law, as FirstClass.
-        estimate: Estimate of the robot module, as FirstClass.
-        ahead: The same for states that are only judged, as FirstClass.
-        locate: Its forward kinematics, as FirstClass.
-        place: Number of the coordinates of the place that the law asks for, see terms.py.
-        law: The law itself, an address; of one type for all laws.
-        memory: Its memory, a KeptValue.
-        robot: Constants of the nominal robot, boxed.
-        limits: Limits, boxed.
-        estimator: Estimator, boxed.
-        approach: Times over which an offset is faded.
-        losing: Faults of the robot at which it has no pose, as bits.
-        repetition: What is learned from turn to turn, boxed.
-    """
-
-    step: Any
-    estimate: Any
-    ahead: Any
-    locate: Any
-    place: int
-    law: Any
-    memory: int
-    robot: Any
-    limits: Any
-    estimator: Any
-    approach: ApproachParameters
-    losing: int
-    repetition: Any
+    step: Any  # step of the law, as FirstClass
+    estimate: Any  # estimate of the robot module, as FirstClass
+    ahead: Any  # the same for states that are only judged, as FirstClass
+    locate: Any  # its forward kinematics, as FirstClass
+    place: int  # number of the coordinates of the place that the law asks for, see terms.py
+    law: Any  # the law itself, an address; of one type for all laws
+    memory: int  # its memory, a KeptValue
+    robot: Any  # constants of the nominal robot, boxed
+    limits: Any  # limits, boxed
+    estimator: Any  # estimator, boxed
+    approach: ApproachParameters  # times over which an offset is faded
+    losing: int  # faults of the robot at which it has no pose, as bits
+    repetition: Any  # what is learned from turn to turn, boxed
 
 
 class Cycle(NamedTuple):
-    """Result of one control cycle.
+    """Result of one control cycle."""
 
-    Attributes:
-        torque: Commanded torque [N m], shape (n,).
-        sliding_variable: Sliding variable in the law's unit, shape (n,); zero in a fault.
-        coupled_error: e_c [rad], shape (n,); e in a fault.
-        acted: Bits of the limits that acted.
-        cause: Fault whose cause is there now, else NONE; `state` has the one that is latched.
-        state: State of the controller for the next cycle.
-    """
-
-    torque: Array
-    sliding_variable: Array
-    coupled_error: Array
-    acted: int
-    cause: int
-    state: CycleState
+    torque: Array  # commanded torque [N m], shape (n,)
+    sliding_variable: Array  # sliding variable in the law's unit, shape (n,); zero in a fault
+    coupled_error: Array  # e_c [rad], shape (n,); e in a fault
+    acted: int  # bits of the limits that acted
+    cause: int  # fault whose cause is there now, else NONE; `state` has the one that is latched
+    state: CycleState  # state of the controller for the next cycle
 
 
 def initial_state(pose: Array, joints: int) -> CycleState:

@@ -128,17 +128,13 @@ PAUSE = NANOSECONDS // 2  # ns; a longer step is one to another run
 
 
 class StateRhythm:
-    """Finds the period of the states that were answered, and how many are missing between them.
-
-    Attributes:
-        period: From a state to the next [ns]: that of the configuration while it fits.
-        skipped: Number of states that were not answered, or never arrived.
-    """
+    """Finds the period of the states that were answered, and how many are missing between them."""
 
     def __init__(self, period: int) -> None:
         """Prepare; `period` is that of the configuration [ns]."""
+        # from a state to the next [ns]: that of the configuration while it fits
         self.period = self._told = period
-        self.skipped = 0
+        self.skipped = 0  # number of states that were not answered, or never arrived
         self._noted: deque[NDArray[np.int64]] = deque()
         self._stamps = np.zeros(0, np.int64)
 

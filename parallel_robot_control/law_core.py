@@ -113,11 +113,7 @@ def _core(cycle: Any, setup: ControlSetup, common: Any) -> Any:
 
 
 class LawCore:
-    """The compiled core with one law; the cores of all laws share the rest.
-
-    Attributes:
-        law: The law.
-    """
+    """The compiled core with one law; the cores of all laws share the rest."""
 
     def __init__(self, control: Control, common: Any, wire: Any) -> None:
         """Make the core, and compile the kernels that use it, which are those of all laws.
@@ -127,7 +123,7 @@ class LawCore:
             common: See :func:`common`.
             wire: Layout of the state messages, see Wire.
         """
-        self.law, self._setup, self._common = control.law, control.setup, common
+        self.law, self._setup, self._common = control.law, control.setup, common  # the law
         self._cycle = cycle_of(control.setup, control.state)
         self._make = entry_point(_core, *self._parts())
         self._core = self._make(*self._parts())

@@ -28,36 +28,22 @@ NO_FAULT = 'none'  # the code
 
 
 class Telemetry(NamedTuple):
-    """What the controller publishes besides its commands, each shape (N, n).
+    """What the controller publishes besides its commands, each shape (N, n)."""
 
-    Attributes:
-        error: e = reference - feedback [rad].
-        error_rate: Its derivative [rad/s].
-        coupled_error: e_c of the law [rad].
-        sliding_variable: Sliding variable in the law's unit.
-    """
-
-    error: np.ndarray
-    error_rate: np.ndarray
-    coupled_error: np.ndarray
-    sliding_variable: np.ndarray
+    error: np.ndarray  # e = reference - feedback [rad]
+    error_rate: np.ndarray  # its derivative [rad/s]
+    coupled_error: np.ndarray  # e_c of the law [rad]
+    sliding_variable: np.ndarray  # sliding variable in the law's unit
 
 
 class Status(NamedTuple):
-    """What the controller is doing.
+    """What the controller is doing."""
 
-    Attributes:
-        law: Name of the active law.
-        fault: The present fault, if there is one.
-        acted: Bits of the limits that acted, until none has done so for a while.
-        delay: What is known of the age of the states; empty where it is not identified.
-        pose: The pose that the controller was told, numbers with commas; LOST where it must be.
-    """
-
-    law: str
-    fault: Fault | None
-    acted: int
-    delay: str = ''
+    law: str  # name of the active law
+    fault: Fault | None  # the present fault, if there is one
+    acted: int  # bits of the limits that acted, until none has done so for a while
+    delay: str = ''  # what is known of the age of the states; empty where it is not identified
+    # the pose that the controller was told, numbers with commas; LOST where it must be
     pose: str = ''
 
 

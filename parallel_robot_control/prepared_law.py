@@ -39,17 +39,11 @@ from parallel_robot_model.robots.contract import Fault, Model
 
 
 class LawParts(NamedTuple):
-    """What a step of a law takes.
+    """What a step of a law takes."""
 
-    Attributes:
-        gains: Gains of the law, boxed.
-        memory: Its memory, a KeptValue.
-        like: A memory, for its type.
-    """
-
-    gains: Any
-    memory: int
-    like: Any
+    gains: Any  # gains of the law, boxed
+    memory: int  # its memory, a KeptValue
+    like: Any  # a memory, for its type
 
 
 class Asked(NamedTuple):
@@ -109,25 +103,15 @@ NO_NUMBER = faults.FAULTS[faults.TORQUE_NOT_FINITE].key
 
 
 class PreparedLaw(NamedTuple):
-    """A law ready to run.
+    """A law ready to run."""
 
-    Attributes:
-        name: Key of LAWS, or the name of a custom law.
-        gains: Its gains.
-        memory: Its memory, which its steps change.
-        step: Its compiled step.
-        law: What its step takes: the law as LawParts, boxed, of one type for all laws.
-        warnings: Objections of the theory to gains that are accepted all the same.
-        foreign: The foreign law that it is, if it is one.
-    """
-
-    name: str
+    name: str  # key of LAWS, or the name of a custom law
     gains: Any
-    memory: KeptValue
-    step: FirstClass
-    law: Boxed
-    warnings: tuple[str, ...]
-    foreign: Foreign | None = None
+    memory: KeptValue  # its memory, which its steps change
+    step: FirstClass  # its compiled step
+    law: Boxed  # what its step takes: the law as LawParts, boxed, of one type for all laws
+    warnings: tuple[str, ...]  # objections of the theory to gains that are accepted all the same
+    foreign: Foreign | None = None  # the foreign law that it is, if it is one
 
     def begin(self) -> None:
         """Forget what was before."""

@@ -106,17 +106,14 @@ def _buffer(stamps: Any, rows: Any, window: Any) -> Any:
 
 
 class ReferenceBuffer:
-    """References in the order of their stamps.
-
-    Attributes:
-        compiled: The Buffer for the kernels of this module.
-    """
+    """References in the order of their stamps."""
 
     def __init__(self, joints: tuple[str, ...]) -> None:
         """Start empty, for the joints with these names."""
         self._stamps = np.zeros(SIZE, np.int64)
         self._rows = np.zeros((SIZE, 3, len(joints)))
         self._window = np.zeros(2, np.int64)
+        # the Buffer for the kernels of this module
         self.compiled = _buffer(self._stamps, self._rows, self._window)
         layout = layouts.joint_trajectory(joints)
         self._wire = wire_of(layout, REFERENCE_FIELDS, range(len(joints)))

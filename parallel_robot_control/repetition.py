@@ -81,33 +81,19 @@ class RepetitionParameters(NamedTuple):
 
 
 class Repetition(NamedTuple):
-    """The same as the kernels take it.
+    """The same as the kernels take it."""
 
-    Attributes:
-        on: Whether anything is learned.
-        gain: Share of a correction that is learned.
-        turn: Samples of a turn.
-        lead: Samples by which a correction comes late.
-        wait: Samples before it learns.
-        fade: Change of the weight in a sample.
-        period: Of the samples [s].
-        model: Whether the law adds what the model knows; if not, that is learned, too.
-        side: Samples to either side of the one for which Q is computed.
-        weights: Address of the weights of Q, from its centre on: side + 1.
-        memory: Address of the memory, see :func:`rows`.
-    """
-
-    on: bool
-    gain: float
-    turn: int
-    lead: int
-    wait: int
-    fade: float
-    period: float
-    model: bool
-    side: int
-    weights: int
-    memory: int
+    on: bool  # whether anything is learned
+    gain: float  # share of a correction that is learned
+    turn: int  # samples of a turn
+    lead: int  # samples by which a correction comes late
+    wait: int  # samples before it learns
+    fade: float  # change of the weight in a sample
+    period: float  # of the samples [s]
+    model: bool  # whether the law adds what the model knows; if not, that is learned, too
+    side: int  # samples to either side of the one for which Q is computed
+    weights: int  # address of the weights of Q, from its centre on: side + 1
+    memory: int  # address of the memory, see :func:`rows`
 
 
 def turn_of(parameters: RepetitionParameters, trajectory: Trajectory, period: float) -> int:

@@ -34,21 +34,13 @@ LEAP = 0.05  # rad, of a joint between two states, after which nobody knows how 
 
 
 class Sensed(NamedTuple):
-    """What a cycle knows of the robot.
+    """What a cycle knows of the robot."""
 
-    Attributes:
-        cause: Fault whose cause is there now, else NONE.
-        fault: The latched fault, else the cause.
-        pose: Pose, shape (m,).
-        model: Equations of motion; zero where the robot has none.
-        lost: Whether the pose is lost: the robot may be in another assembly mode.
-    """
-
-    cause: int
-    fault: int
-    pose: Array
-    model: Model
-    lost: bool
+    cause: int  # fault whose cause is there now, else NONE
+    fault: int  # the latched fault, else the cause
+    pose: Array  # pose, shape (m,)
+    model: Model  # equations of motion; zero where the robot has none
+    lost: bool  # whether the pose is lost: the robot may be in another assembly mode
 
 
 @inner

@@ -25,47 +25,26 @@ from trajectory_gen.trajectory import Reference
 
 
 class ClosedLoopRun(NamedTuple):
-    """Complete record of a run, one row per state, shape (N, n) unless stated otherwise.
+    """Complete record of a run, one row per state, shape (N, n) unless stated otherwise."""
 
-    Attributes:
-        pose: True pose, shape (N, m).
-        joints: Actuated joints as they are [rad].
-        position: Actuated joints as they are measured [rad].
-        velocity: Their measured rates [rad/s].
-        passive_position: Passive joints [rad], shape (N, p).
-        passive_velocity: Their rates [rad/s], shape (N, p).
-        effort: Torque applied during the step that ended at the state [N m].
-        command: Torque computed from the state [N m]; NaN, as the next two, without an answer.
-        sliding_variable: Sliding variable in the law's unit.
-        coupled_error: e_c of the law [rad].
-        fault: Fault of the controller at the state, see mechanism.py, shape (N,).
-        acted: Bits of the limits that acted at the state, shape (N,).
-        steps: Number of rows that were computed; fewer than N if the plant left its workspace.
-        plant: State of the plant after the last command.
-        cycle: State of the controller after the last row.
-        waiting: What the motors know of the commands after the last row.
-        sent: The last command [N m], shape (n,).
-        cause: Fault whose cause was there at the last state, see Cycle.
-    """
-
-    pose: Array
-    joints: Array
-    position: Array
-    velocity: Array
-    passive_position: Array
-    passive_velocity: Array
-    effort: Array
-    command: Array
-    sliding_variable: Array
-    coupled_error: Array
-    fault: NDArray[np.int64]
-    acted: NDArray[np.int64]
-    steps: int
-    plant: PlantState
-    cycle: CycleState
-    waiting: Waiting
-    sent: Array
-    cause: int
+    pose: Array  # true pose, shape (N, m)
+    joints: Array  # actuated joints as they are [rad]
+    position: Array  # actuated joints as they are measured [rad]
+    velocity: Array  # their measured rates [rad/s]
+    passive_position: Array  # passive joints [rad], shape (N, p)
+    passive_velocity: Array  # their rates [rad/s], shape (N, p)
+    effort: Array  # torque applied during the step that ended at the state [N m]
+    command: Array  # torque computed from the state [N m]; NaN, as the next two, without an answer
+    sliding_variable: Array  # sliding variable in the law's unit
+    coupled_error: Array  # e_c of the law [rad]
+    fault: NDArray[np.int64]  # fault of the controller at the state, see mechanism.py, shape (N,)
+    acted: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
+    steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
+    plant: PlantState  # state of the plant after the last command
+    cycle: CycleState  # state of the controller after the last row
+    waiting: Waiting  # what the motors know of the commands after the last row
+    sent: Array  # the last command [N m], shape (n,)
+    cause: int  # fault whose cause was there at the last state, see Cycle
 
 
 COLUMNS = ClosedLoopRun._fields[: ClosedLoopRun._fields.index('steps')]

@@ -56,41 +56,24 @@ from trajectory_gen.trajectory import Reference, Trajectory
 
 
 class PlantConfiguration(NamedTuple):
-    """Configuration of the plant.
+    """Configuration of the plant."""
 
-    Attributes:
-        loop: Period, joints and the like.
-        robot: True robot.
-        parameters: Start, integration and motors.
-        load: Friction and disturbance of the actuated joints.
-        safety: Gains of the safe action of the motors.
-        imperfections: Those of sensors, motors and loads.
-    """
-
-    loop: LoopParameters
-    robot: RobotModel
-    parameters: PlantParameters
-    load: JointLoad
-    safety: SafetyParameters
-    imperfections: Imperfections
+    loop: LoopParameters  # period, joints and the like
+    robot: RobotModel  # true robot
+    parameters: PlantParameters  # start, integration and motors
+    load: JointLoad  # friction and disturbance of the actuated joints
+    safety: SafetyParameters  # gains of the safe action of the motors
+    imperfections: Imperfections  # those of sensors, motors and loads
 
 
 class Configuration(NamedTuple):
-    """Configuration of an experiment.
+    """Configuration of an experiment."""
 
-    Attributes:
-        values: All keys with their plain values, for bags and for people.
-        loop: Period, joints, law and the like.
-        trajectory: Desired motion on the nominal robot.
-        control: Configuration of the controller.
-        plant: Configuration of the plant.
-    """
-
-    values: Mapping[str, Any]
-    loop: LoopParameters
-    trajectory: Trajectory
-    control: ControlConfiguration
-    plant: PlantConfiguration
+    values: Mapping[str, Any]  # all keys with their plain values, for bags and for people
+    loop: LoopParameters  # period, joints, law and the like
+    trajectory: Trajectory  # desired motion on the nominal robot
+    control: ControlConfiguration  # configuration of the controller
+    plant: PlantConfiguration  # configuration of the plant
 
 
 DECLARED = (
@@ -231,37 +214,22 @@ def members(
 
 
 class Plant(NamedTuple):
-    """The plant at rest at its initial pose.
+    """The plant at rest at its initial pose."""
 
-    Attributes:
-        setup: What it is made of.
-        state: Its state.
-        hazards: What happens to it.
-        safety: Time-outs of the loop.
-    """
-
-    setup: PlantSetup
+    setup: PlantSetup  # what it is made of
     state: PlantState
-    hazards: tuple[Hazard, ...]
-    safety: SafetyParameters
+    hazards: tuple[Hazard, ...]  # what happens to it
+    safety: SafetyParameters  # time-outs of the loop
 
 
 class Experiment(NamedTuple):
-    """A closed loop before its first sample.
+    """A closed loop before its first sample."""
 
-    Attributes:
-        loop: Period, joints, law and the like.
-        trajectory: Desired motion, which the robot can perform.
-        control: The controller.
-        plant: The plant.
-        known: The first samples of the motion, if they were wanted.
-    """
-
-    loop: LoopParameters
-    trajectory: Trajectory
-    control: Control
+    loop: LoopParameters  # period, joints, law and the like
+    trajectory: Trajectory  # desired motion, which the robot can perform
+    control: Control  # the controller
     plant: Plant
-    known: Reference | None = None
+    known: Reference | None = None  # the first samples of the motion, if they were wanted
 
 
 def assemble(configuration: Configuration, samples: int = 0) -> Experiment:

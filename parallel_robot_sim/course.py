@@ -30,19 +30,13 @@ AROUND = 2  # samples without a hazard, after which none is looked back at
 
 
 class Heard(NamedTuple):
-    """Which states come to the controller, one row for each sample.
+    """Which states come to the controller, one row for each sample."""
 
-    Attributes:
-        told: Whether there is a message of a state, shape (N,).
-        answered: Whether the controller answers it, shape (N,).
-        late: Samples since that which it tells, shape (N,).
-        dt: Time from the measurement of the state answered before to that of this one [s],
-            shape (N,).
-    """
-
-    told: NDArray[np.bool_]
-    answered: NDArray[np.bool_]
-    late: NDArray[np.int64]
+    told: NDArray[np.bool_]  # whether there is a message of a state, shape (N,)
+    answered: NDArray[np.bool_]  # whether the controller answers it, shape (N,)
+    late: NDArray[np.int64]  # samples since that which it tells, shape (N,)
+    # time from the measurement of the state answered before to that of this one [s], shape
+    # (N,)
     dt: Array
 
     def head(self, count: int) -> Heard:
@@ -51,32 +45,24 @@ class Heard(NamedTuple):
 
 
 class Course(NamedTuple):
-    """The course of a run.
+    """The course of a run."""
 
-    Attributes:
-        heard: Which states come to the controller.
-        reference: Desired motion as the controller knows it, one row for each sample.
-        known: Sample of the newest reference that it knows, shape (N,).
-        shown: Whether the pose of a sample is told, shape (N,).
-        stale: Samples at which a state is answered and that is too old, shape (N,).
-        overdue: Samples at which a state is answered and that is told to be old, shape (N,).
-        late: Samples at which the first state comes after too long.
-        lost: Samples at which states have been refused for too long, and the fault that it is.
-        clears: Samples at which the first state comes after a call of ``~/clear_fault``.
-        renewals: Samples at which a controller hears its first state; 0 is not among them.
-        invalid: Samples whose states have a velocity that is not a number.
-    """
-
-    heard: Heard
-    reference: Reference
-    known: NDArray[np.int64]
-    shown: NDArray[np.bool_]
+    heard: Heard  # which states come to the controller
+    reference: Reference  # desired motion as the controller knows it, one row for each sample
+    known: NDArray[np.int64]  # sample of the newest reference that it knows, shape (N,)
+    shown: NDArray[np.bool_]  # whether the pose of a sample is told, shape (N,)
+    # samples at which a state is answered and that is too old, shape (N,)
     stale: NDArray[np.bool_]
+    # samples at which a state is answered and that is told to be old, shape (N,)
     overdue: NDArray[np.bool_]
-    late: frozenset[int] = frozenset()
+    late: frozenset[int] = frozenset()  # samples at which the first state comes after too long
+    # samples at which states have been refused for too long, and the fault that it is
     lost: Mapping[int, int] = MappingProxyType({})
+    # samples at which the first state comes after a call of ``~/clear_fault``
     clears: frozenset[int] = frozenset()
+    # samples at which a controller hears its first state; 0 is not among them
     renewals: frozenset[int] = frozenset()
+    # samples whose states have a velocity that is not a number
     invalid: frozenset[int] = frozenset()
 
     @property

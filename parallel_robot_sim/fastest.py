@@ -19,17 +19,11 @@ RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples
 
 
 class Fastest(NamedTuple):
-    """The fastest feasible speed of a motion.
+    """The fastest feasible speed of a motion."""
 
-    Attributes:
-        factor: Value of ``trajectory.speed_factor`` at which a joint meets its limit.
-        span: What the motion takes then until it repeats or rests [s].
-        text: The limit for people, with joint and time.
-    """
-
-    factor: float
-    span: float
-    text: str
+    factor: float  # value of ``trajectory.speed_factor`` at which a joint meets its limit
+    span: float  # what the motion takes then until it repeats or rests [s]
+    text: str  # the limit for people, with joint and time
 
 
 def fastest(configuration: Configuration) -> Fastest:

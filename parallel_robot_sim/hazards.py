@@ -23,17 +23,11 @@ class Patience(NamedTuple):
 
 
 class Waiting(NamedTuple):
-    """What the motors know of the commands.
+    """What the motors know of the commands."""
 
-    Attributes:
-        silent: Samples since the last command.
-        held: Joint angles when the safe action began [rad], shape (n,).
-        command: The last command [N m], shape (n,).
-    """
-
-    silent: int
-    held: Array
-    command: Array
+    silent: int  # samples since the last command
+    held: Array  # joint angles when the safe action began [rad], shape (n,)
+    command: Array  # the last command [N m], shape (n,)
 
 
 def not_waiting(joints: int) -> Waiting:
@@ -81,19 +75,13 @@ KEPT = 3  # vectors of a sample that are kept: position, velocity, effort
 
 
 class Hazards(NamedTuple):
-    """Hazards as the kernels take them; of several at a time, the later ones act on top.
+    """Hazards as the kernels take them; of several at a time, the later ones act on top."""
 
-    Attributes:
-        on: Whether there are any; if not, none of the rest is looked at.
-        number: How many.
-        table: Address of a row of COLUMNS numbers for each.
-        memory: Address of vectors of shape (n,): for each at its PLACE first a mask, 1 for the
-            joints that it is about, then what it keeps of the states.
-    """
-
-    on: bool
-    number: int = 0
-    table: int = 0
+    on: bool  # whether there are any; if not, none of the rest is looked at
+    number: int = 0  # how many
+    table: int = 0  # address of a row of COLUMNS numbers for each
+    # address of vectors of shape (n,): for each at its PLACE first a mask, 1 for the joints
+    # that it is about, then what it keeps of the states
     memory: int = 0
 
 

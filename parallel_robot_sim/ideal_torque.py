@@ -110,23 +110,14 @@ SMALL_STEP = (
 
 
 class PerformedMotion(NamedTuple):
-    """A plant that performs its desired motion exactly, at K points of it.
+    """A plant that performs its desired motion exactly, at K points of it."""
 
-    Attributes:
-        times: Times of the points [s], shape (K,).
-        points: Coordinates of the plant and their rates, shape (K, 2c).
-        torque: What performs the motion over the next period [N m], shape (K, n).
-        pushed: What a torque held over a period adds to the next sample, shape (K, 2c, n).
-        plant: The plant.
-        advance: Its step, as FirstClass.
-    """
-
-    times: Array
-    points: Array
-    torque: Array
-    pushed: Array
+    times: Array  # times of the points [s], shape (K,)
+    points: Array  # coordinates of the plant and their rates, shape (K, 2c)
+    torque: Array  # what performs the motion over the next period [N m], shape (K, n)
+    pushed: Array  # what a torque held over a period adds to the next sample, shape (K, 2c, n)
     plant: Plant
-    advance: FirstClass
+    advance: FirstClass  # its step, as FirstClass
 
 
 def performed(

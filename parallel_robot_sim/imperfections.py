@@ -43,31 +43,18 @@ class StictionParameters(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Gears and bristles as the kernels take them.
+    """Gears and bristles as the kernels take them."""
 
-    Attributes:
-        on: Whether there are any; if not, none of the rest is looked at.
-        at_motor: Whether sensors measure the rotors.
-        substeps: Integration steps in a period.
-        stiffness: Of the gears [N m/rad]; 0: rigid.
-        damping: Of the gears [N m s/rad].
-        backlash: Whole play of the gears [rad].
-        rotor_inertia: Of the rotors [kg m^2].
-        bristle_stiffness: Of the bristles [N m/rad]; 0: none.
-        bristle_damping: Of the bristles [N m s/rad].
-        friction: Dry friction that they hold, and the Stribeck effect.
-    """
-
-    on: bool
-    at_motor: bool
-    substeps: int
-    stiffness: PerJoint
-    damping: PerJoint
-    backlash: PerJoint
-    rotor_inertia: PerJoint
-    bristle_stiffness: PerJoint
-    bristle_damping: PerJoint
-    friction: FrictionParameters
+    on: bool  # whether there are any; if not, none of the rest is looked at
+    at_motor: bool  # whether sensors measure the rotors
+    substeps: int  # integration steps in a period
+    stiffness: PerJoint  # of the gears [N m/rad]; 0: rigid
+    damping: PerJoint  # of the gears [N m s/rad]
+    backlash: PerJoint  # whole play of the gears [rad]
+    rotor_inertia: PerJoint  # of the rotors [kg m^2]
+    bristle_stiffness: PerJoint  # of the bristles [N m/rad]; 0: none
+    bristle_damping: PerJoint  # of the bristles [N m s/rad]
+    friction: FrictionParameters  # dry friction that they hold, and the Stribeck effect
 
 
 def drive_of(
@@ -196,31 +183,18 @@ class LoadParameters(NamedTuple):
 
 
 class Imperfections(NamedTuple):
-    """All of them, as the kernels take them.
+    """All of them, as the kernels take them."""
 
-    Attributes:
-        on: Whether there are any; if not, none of the rest is looked at.
-        depth: Most samples by which a state or a command can be late.
-        age: Age of the states that their stamps tell [s].
-        seed: Seed of the random numbers, a whole number.
-        sensor: What the states tell.
-        actuator: What the motors make of the commands.
-        load: Disturbances.
-        drive: Gears and bristles.
-        memory: Address of the space for what the plant remembers, see closing.py.
-        draws: Address of the space for random numbers.
-    """
-
-    on: bool
-    depth: int
-    age: float
-    seed: float
-    sensor: Sensor
-    actuator: ActuatorParameters
-    load: LoadParameters
-    drive: Drive
-    memory: int = 0
-    draws: int = 0
+    on: bool  # whether there are any; if not, none of the rest is looked at
+    depth: int  # most samples by which a state or a command can be late
+    age: float  # age of the states that their stamps tell [s]
+    seed: float  # seed of the random numbers, a whole number
+    sensor: Sensor  # what the states tell
+    actuator: ActuatorParameters  # what the motors make of the commands
+    load: LoadParameters  # disturbances
+    drive: Drive  # gears and bristles
+    memory: int = 0  # address of the space for what the plant remembers, see closing.py
+    draws: int = 0  # address of the space for random numbers
 
     def with_memory(self, like: Array) -> Imperfections:
         """The same with space of their own for vectors as `like`, shape (n,)."""

@@ -36,20 +36,14 @@ AS_TOLD = (
 
 
 class Poses(NamedTuple):
-    """Poses by forward kinematics of the joints.
+    """Poses by forward kinematics of the joints."""
 
-    Attributes:
-        actual: Poses of the joints, shape (N, m).
-        reference: Poses of the desired joints, shape (N, m).
-        place: Number of their first coordinates that are a place [m]; 0: no distance is defined.
-        units: Units of the joints of the robot.
-        turns: Components of a rotation vector that follow a place in space, 0 to 2.
-    """
-
-    actual: np.ndarray
-    reference: np.ndarray
+    actual: np.ndarray  # poses of the joints, shape (N, m)
+    reference: np.ndarray  # poses of the desired joints, shape (N, m)
+    # number of their first coordinates that are a place [m]; 0: no distance is defined
     place: int = 2
-    units: JointUnits = HINGES
+    units: JointUnits = HINGES  # units of the joints of the robot
+    # components of a rotation vector that follow a place in space, 0 to 2
     turns: tuple[int, ...] = ()
 
     @property
@@ -59,35 +53,22 @@ class Poses(NamedTuple):
 
 
 class Left(NamedTuple):
-    """Where the poses of a motion were left that goes on.
+    """Where the poses of a motion were left that goes on."""
 
-    Attributes:
-        actual: The last pose of the joints, shape (m,).
-        reference: The last one of the desired joints, shape (m,).
-        samples: How many there are so far.
-    """
-
-    actual: np.ndarray
-    reference: np.ndarray
-    samples: int
+    actual: np.ndarray  # the last pose of the joints, shape (m,)
+    reference: np.ndarray  # the last one of the desired joints, shape (m,)
+    samples: int  # how many there are so far
 
 
 class Motion(NamedTuple):
-    """A motion of which metrics are computed.
+    """A motion of which metrics are computed."""
 
-    Attributes:
-        time: Since t = 0 [s], shape (N,).
-        position: Actuated joints [rad], shape (N, n).
-        reference_position: Their desired positions [rad], shape (N, n).
-        effort: Torque of the motors during the step that ended at each sample [N m], shape (N, n).
-        poses: Poses of the robot.
-    """
-
-    time: np.ndarray
-    position: np.ndarray
-    reference_position: np.ndarray
+    time: np.ndarray  # since t = 0 [s], shape (N,)
+    position: np.ndarray  # actuated joints [rad], shape (N, n)
+    reference_position: np.ndarray  # their desired positions [rad], shape (N, n)
+    # torque of the motors during the step that ended at each sample [N m], shape (N, n)
     effort: np.ndarray
-    poses: Poses
+    poses: Poses  # poses of the robot
 
     def between(self, begin: float, end: float) -> Motion:
         """The part from one time on, up to another one [s]."""
@@ -106,18 +87,15 @@ class Motion(NamedTuple):
 
 
 class Motions(NamedTuple):
-    """A run as it was, and as it was seen.
+    """A run as it was, and as it was seen."""
 
-    Attributes:
-        true: The motion of the plant; None where the plant is not known, as that of a real robot.
-        seen: What sensors and the nominal robot make of it; None where that is the true motion,
-            or has no poses.
-        ideal: Torque that holds the true robot on its reference at each sample of the true motion,
-            see ideal_torque.py [N m], shape (N, n); None where it is not known.
-    """
-
+    # the motion of the plant; None where the plant is not known, as that of a real robot
     true: Motion | None
+    # what sensors and the nominal robot make of it; None where that is the true motion, or
+    # has no poses
     seen: Motion | None
+    # torque that holds the true robot on its reference at each sample of the true motion,
+    # see ideal_torque.py [N m], shape (N, n); None where it is not known
     ideal: Array | None = None
 
     @property
@@ -199,16 +177,13 @@ def of_simulation(made: Simulation) -> Motions:
 
 
 class SimulatedMotions:
-    """The motions of a simulation, part by part: what a part hands on to the next.
-
-    Attributes:
-        told: What its messages tell of the joints; None where that is the true motion.
-    """
+    """The motions of a simulation, part by part: what a part hands on to the next."""
 
     def __init__(self, configuration: Configuration) -> None:
         nominal, true = configuration.control.robot, configuration.plant.robot
         exact = not untrue(configuration.values)
         guess = np.array(configuration.control.guess)
+        # what its messages tell of the joints; None where that is the true motion
         self.told = None if exact else Told(configuration)
         self._true = Located(nominal, true, guess)
         self._seen: Located | None = Located(nominal, nominal, guess)

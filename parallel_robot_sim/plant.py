@@ -109,43 +109,25 @@ def stepping(parameters: PlantParameters) -> Stepping:
 
 
 class PlantSetup(NamedTuple):
-    """The constant parts of the plant.
+    """The constant parts of the plant."""
 
-    Attributes:
-        acceleration: Acceleration of the robot module, as FirstClass.
-        measure: Measure of the robot module, as FirstClass.
-        stepping: Integrator, substeps, torque limit.
-        robot: Constants of the true robot, boxed.
-        load: JointLoad, boxed.
-        imperfections: Imperfections, boxed.
-        patience: Patience, boxed.
-        hazards: Hazards, boxed.
-    """
-
-    acceleration: Any
-    measure: Any
-    stepping: Stepping
-    robot: Any
-    load: Any
-    imperfections: Any
-    patience: Any
-    hazards: Any
+    acceleration: Any  # acceleration of the robot module, as FirstClass
+    measure: Any  # measure of the robot module, as FirstClass
+    stepping: Stepping  # integrator, substeps, torque limit
+    robot: Any  # constants of the true robot, boxed
+    load: Any  # jointLoad, boxed
+    imperfections: Any  # imperfections, boxed
+    patience: Any  # patience, boxed
+    hazards: Any  # hazards, boxed
 
 
 class PlantState(NamedTuple):
-    """State of the plant.
+    """State of the plant."""
 
-    Attributes:
-        coordinates: Coordinates that are integrated, e.g. the pose, shape (c,).
-        rate: Their derivative, shape (c,).
-        torque: Motor torque of the step that ended here [N m], shape (n,).
-        time: Time since the start [s].
-    """
-
-    coordinates: Array
-    rate: Array
-    torque: Array
-    time: float = 0.0
+    coordinates: Array  # coordinates that are integrated, e.g. the pose, shape (c,)
+    rate: Array  # their derivative, shape (c,)
+    torque: Array  # motor torque of the step that ended here [N m], shape (n,)
+    time: float = 0.0  # time since the start [s]
 
 
 @kernel

@@ -21,19 +21,13 @@ from trajectory_gen.trajectory import Reference
 
 
 class Again(NamedTuple):
-    """What a plant did, one row for each sample.
+    """What a plant did, one row for each sample."""
 
-    Attributes:
-        joints: Actuated joints as they were [rad], shape (N, n).
-        told: The same as its states told them [rad], shape (N, n).
-        effort: Torque of the motors during the step that ended at the sample [N m], shape (N, n).
-        heard: Which states were told and answered.
-    """
-
-    joints: Array
-    told: Array
+    joints: Array  # actuated joints as they were [rad], shape (N, n)
+    told: Array  # the same as its states told them [rad], shape (N, n)
+    # torque of the motors during the step that ended at the sample [N m], shape (N, n)
     effort: Array
-    heard: Heard
+    heard: Heard  # which states were told and answered
 
 
 def under_commands(

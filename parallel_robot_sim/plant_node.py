@@ -90,11 +90,7 @@ FORGOTTEN = 10 * NANOSECONDS  # ns; more is no delay: the clock was set
 
 
 class PlantNode(SuiteNode):
-    """Publishes ``joint_states`` every period, or in lockstep after every command.
-
-    Attributes:
-        run: The course of the motion.
-    """
+    """Publishes ``joint_states`` every period, or in lockstep after every command."""
 
     priority = realtime.LOOP
     makes_states = True
@@ -107,6 +103,7 @@ class PlantNode(SuiteNode):
         self.declare_groups(*declared(robot.module), units=robot.joint_units)
         simulator = simulator_of(configuration)
         simulator.warm()
+        # the course of the motion
         self.run = PlantRun(
             lambda: simulator_of(configuration), self.loop, self._on_time_out, self._on_driven_out
         )

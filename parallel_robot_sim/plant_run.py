@@ -27,11 +27,7 @@ from parallel_robot_sim.plant_core import advance, plant_core, read_command, sta
 
 
 class Simulator:
-    """The true robot, its friction, its motors and its state.
-
-    Attributes:
-        robot: The true robot.
-    """
+    """The true robot, its friction, its motors and its state."""
 
     def __init__(self, configuration: PlantConfiguration) -> None:
         """Put the robot at rest at its initial pose.
@@ -41,7 +37,7 @@ class Simulator:
         """
         need_compiler()
         loop = configuration.loop
-        self.robot = robot = configuration.robot
+        self.robot = robot = configuration.robot  # the true robot
         axes = robot.module.coordinates(robot.parameters)
         self._units = ', '.join(axis.unit for axis in axes)
         self._setup, start, hazards, _ = assemble_plant(configuration)
@@ -182,16 +178,6 @@ class PlantRun:
     State k is published; the torque computed from it acts from k to k + 1. The robot is held at
     its initial pose until the common start, or else until the first command. A method that
     returns a bool tells whether there is a state to publish, except for `reset`.
-
-    Attributes:
-        simulator: The robot.
-        index: Index of the last state to publish; None while the robot is held.
-        stamp: Its stamp [ns].
-        message: Its sensor_msgs/JointState.
-        command: The last command [N m], shape (n,).
-        commanded: Whether a command came since the last state.
-        skipped: Steps without a command in time (wall time).
-        outside: How the robot left its workspace; empty while it is inside.
     """
 
     def __init__(
@@ -224,14 +210,16 @@ class PlantRun:
         self._steps_left = ENDLESS  # in lockstep; 0: paused
         self._was_ready = False  # whether all partners were present at an earlier poll
         self._was_reset = False  # whether the motion begins again (lockstep)
-        self.simulator = make()
+        self.simulator = make()  # the robot
+        # index of the last state to publish; None while the robot is held
         self.index: int | None = None
-        self.stamp = 0
-        self.message = b''
+        self.stamp = 0  # its stamp [ns]
+        self.message = b''  # its sensor_msgs/JointState
+        # the last command [N m], shape (n,)
         self.command: NDArray[np.float64] = np.zeros(len(loop.joints))
-        self.commanded = False
-        self.skipped = 0
-        self.outside = ''
+        self.commanded = False  # whether a command came since the last state
+        self.skipped = 0  # steps without a command in time (wall time)
+        self.outside = ''  # how the robot left its workspace; empty while it is inside
 
     @property
     def finished(self) -> bool:

@@ -16,27 +16,16 @@ Columns = dict[str, NDArray[Any]]
 
 
 class JointColumns(NamedTuple):
-    """What joints did, NaN where it is not known, each shape (N, n).
+    """What joints did, NaN where it is not known, each shape (N, n)."""
 
-    Attributes:
-        position: [rad].
-        velocity: [rad/s].
-        effort: Torque applied during the step that ended at the state [N m].
-        reference_position: [rad].
-        reference_velocity: [rad/s].
-        reference_acceleration: [rad/s^2].
-        command: Torque that answered the state [N m].
-        sliding_variable: In the unit of the law.
-    """
-
-    position: Array
-    velocity: Array
-    effort: Array
-    reference_position: Array
-    reference_velocity: Array
-    reference_acceleration: Array
-    command: Array
-    sliding_variable: Array
+    position: Array  # [rad]
+    velocity: Array  # [rad/s]
+    effort: Array  # torque applied during the step that ended at the state [N m]
+    reference_position: Array  # [rad]
+    reference_velocity: Array  # [rad/s]
+    reference_acceleration: Array  # [rad/s^2]
+    command: Array  # torque that answered the state [N m]
+    sliding_variable: Array  # in the unit of the law
 
 
 def of_joints(

@@ -70,24 +70,15 @@ NODES_ALONE = (
 
 
 class Simulation(NamedTuple):
-    """A run with its experiment, or a part of one.
-
-    Attributes:
-        configuration: Its configuration.
-        experiment: The experiment that was run.
-        reference: Desired motion, one row per state.
-        run: Record of the run.
-        loop_time: Time spent in the loop [s].
-        first: Sample of the first row.
-        first_fault: Sample of the first fault until the last row; None without one.
-    """
+    """A run with its experiment, or a part of one."""
 
     configuration: Configuration
-    experiment: Experiment
-    reference: Reference
-    run: ClosedLoopRun
-    loop_time: float
-    first: int = 0
+    experiment: Experiment  # the experiment that was run
+    reference: Reference  # desired motion, one row per state
+    run: ClosedLoopRun  # record of the run
+    loop_time: float  # time spent in the loop [s]
+    first: int = 0  # sample of the first row
+    # sample of the first fault until the last row; None without one
     first_fault: int | None = None
 
     @property
@@ -193,22 +184,15 @@ class Simulation(NamedTuple):
 
 
 class RunSummary:
-    """What is told of a run as a whole, from its parts.
-
-    Attributes:
-        steps: Number of its rows.
-        faults: When the controller entered a fault [s], and which; empty where it was cleared.
-        acted: Bits of all limits that acted.
-        phase: What the identification of the delay was doing at the end.
-        loop_time: Time spent in the loop [s].
-    """
+    """What is told of a run as a whole, from its parts."""
 
     def __init__(self) -> None:
-        self.steps = 0
+        self.steps = 0  # number of its rows
+        # when the controller entered a fault [s], and which; empty where it was cleared
         self.faults: list[tuple[float, str]] = []
-        self.acted = 0
-        self.phase = 0
-        self.loop_time = 0.0
+        self.acted = 0  # bits of all limits that acted
+        self.phase = 0  # what the identification of the delay was doing at the end
+        self.loop_time = 0.0  # time spent in the loop [s]
         self._loop: LoopParameters | None = None
         self._fault = faults.NONE  # at the last row
         self._most = 0.0  # N m, of the motors

@@ -23,18 +23,15 @@ FOREVER = 10**12  # ns without an answer
 
 
 class Rig:
-    """A run of the plant, with all that it has published.
-
-    Attributes:
-        states: Stamp [ns], pose and torque of each published state.
-        events: What was reported.
-    """
+    """A run of the plant, with all that it has published."""
 
     def __init__(self, mode, **changes):
         changes = {key.replace('__', '.'): value for key, value in changes.items()}
         values = resolve('paper_circle', {'time_mode': mode, **changes})
         self.configuration = configure_plant(values)
         self.layout = state_layout(self.configuration.loop.joints, 3)
+        # states: stamp [ns], pose and torque of each published state; events: what was
+        # reported
         self.states, self.events = [], []
         self.run = PlantRun(
             lambda: Simulator(self.configuration),

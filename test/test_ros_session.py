@@ -15,22 +15,14 @@ ASKING = 0.5  # s, that a question takes
 
 
 class World:
-    """Two nodes, and a clock that goes on when they are asked.
-
-    Attributes:
-        now: [s].
-        ready_at: When a node begins to answer [s].
-        there_at: When its service can be seen [s].
-        share: Of a core that a node uses until then.
-        held: Share of the time in which others have it.
-    """
+    """Two nodes, and a clock that goes on when they are asked."""
 
     def __init__(self):
-        self.now = 100.0
-        self.ready_at = {'plant': 100.0, 'controller': 100.0}
-        self.there_at = {'plant': 100.0, 'controller': 100.0}
-        self.share = {'plant': 0.0, 'controller': 0.0}
-        self.held = {'plant': 0.0, 'controller': 0.0}
+        self.now = 100.0  # [s]
+        self.ready_at = {'plant': 100.0, 'controller': 100.0}  # when a node begins to answer [s]
+        self.there_at = {'plant': 100.0, 'controller': 100.0}  # when its service can be seen [s]
+        self.share = {'plant': 0.0, 'controller': 0.0}  # of a core that a node uses until then
+        self.held = {'plant': 0.0, 'controller': 0.0}  # share of the time in which others have it
         self.shown = []
         self.says = SimpleNamespace(success=True, message='')
 

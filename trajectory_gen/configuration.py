@@ -30,18 +30,12 @@ QUATERNIONS = 'quaternions'
 
 
 class Motions(NamedTuple):
-    """The desired motion of a robot, and all to which it can be changed.
-
-    Attributes:
-        robot: The robot.
-        shapes: All shapes by name.
-        groups: Their parameters, and those of the motion.
-        here: Pose in which the robot is, for `hold`; at first the initial one of the plant.
-    """
+    """The desired motion of a robot, and all to which it can be changed."""
 
     robot: RobotModel
-    shapes: Mapping[str, Shape]
-    groups: Groups
+    shapes: Mapping[str, Shape]  # all shapes by name
+    groups: Groups  # their parameters, and those of the motion
+    # pose in which the robot is, for `hold`; at first the initial one of the plant
     here: Sequence[Any]
 
     @property

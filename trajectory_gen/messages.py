@@ -54,18 +54,14 @@ ROWS = ('positions', 'velocities', 'accelerations', 'effort')
 
 
 class Points(NamedTuple):
-    """Poses at times.
+    """Poses at times."""
 
-    Attributes:
-        times: Times since the beginning of the motion [s], increasing, above 0, shape (N,).
-        pose: Poses, shape (N, m).
-        rate: Their first derivatives, shape (N, m); None: free, and zero at the last.
-        acceleration: Their second derivatives, likewise; None if `rate` is.
-    """
-
+    # times since the beginning of the motion [s], increasing, above 0, shape (N,)
     times: NDArray[np.float64]
-    pose: NDArray[np.float64]
+    pose: NDArray[np.float64]  # poses, shape (N, m)
+    # their first derivatives, shape (N, m); None: free, and zero at the last
     rate: NDArray[np.float64] | None
+    # their second derivatives, likewise; None if `rate` is
     acceleration: NDArray[np.float64] | None
 
 

@@ -30,19 +30,12 @@ class Poses(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """How a motion is entered from the one before it.
+    """How a motion is entered from the one before it."""
 
-    Attributes:
-        before: Poses of that one by times since the entry [s].
-        duration: Time in which it fades [s].
-        start: Time of the motion itself at the entry [s].
-        delay: How long it waits there [s].
-    """
-
-    before: Callable[[Array], Poses]
-    duration: float
-    start: float
-    delay: float
+    before: Callable[[Array], Poses]  # poses of that one by times since the entry [s]
+    duration: float  # time in which it fades [s]
+    start: float  # time of the motion itself at the entry [s]
+    delay: float  # how long it waits there [s]
 
     def own_times(self, times: Any) -> Any:
         """Times of the motion itself at times since the entry [s]."""
@@ -126,22 +119,16 @@ class TrajectoryParameters(NamedTuple):
 
 
 class Reference(NamedTuple):
-    """Desired motion, one row per sample.
+    """Desired motion, one row per sample."""
 
-    Attributes:
-        pose: Pose, shape (N, m); then its two derivatives.
-        position: Actuated joints [rad], shape (N, n); then their two derivatives.
-        passive: Other angles of the posture, see JointMotion, shape (N, p).
-        out_of_reach: 0-based index of a part that does not reach, -1 if all do, shape (N,).
-    """
-
-    pose: Array
+    pose: Array  # pose, shape (N, m); then its two derivatives
     pose_rate: Array
     pose_acceleration: Array
-    position: Array
+    position: Array  # actuated joints [rad], shape (N, n); then their two derivatives
     velocity: Array
     acceleration: Array
-    passive: Array
+    passive: Array  # other angles of the posture, see JointMotion, shape (N, p)
+    # 0-based index of a part that does not reach, -1 if all do, shape (N,)
     out_of_reach: NDArray[np.int64]
 
 
@@ -151,17 +138,7 @@ def head(reference: Reference, count: int) -> Reference:
 
 
 class Trajectory:
-    """A shape with its parameters on a robot.
-
-    Attributes:
-        robot: The robot.
-        parameters: Which motion, and how it is published.
-        limits: Limits of the motion that only this robot has.
-        shape: What the shape computes the motion from: its parameters, or what it has prepared.
-        size: Number of coordinates that the shape has; a robot in a plane may not have phi.
-        entry: How the motion is entered from another one, if it is.
-        note: What was left out of its file of points, if anything.
-    """
+    """A shape with its parameters on a robot."""
 
     def __init__(
         self,
@@ -186,16 +163,22 @@ class Trajectory:
             InputError: the shape refuses its parameters, or has another number of coordinates
                 than the pose of the robot; no pose fits the joints.
         """
+        # robot: the robot; parameters: which motion, and how it is published; limits:
+        # limits of the motion that only this robot has
         self.robot, self.parameters, self.limits = robot, parameters, limits
         name = parameters.shape
         if name not in SHAPES:
             shape_trial.check(name, shape, given)
+        # what the shape computes the motion from: its parameters, or what it has
+        # prepared
         self.shape, self._length = prepared(name, shape, given)
         if near:
             self.shape = joint_path.in_pose(robot, self.shape, near)
+        # what was left out of its file of points, if anything
         self.note: str = getattr(given, 'thinned', '')
         self._motion = FirstClass(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
+        # number of coordinates that the shape has; a robot in a plane may not have phi
         self.size = size = len(shape.motion(self.shape, 0.0).pose)
         in_plane = self.robot.planar and self._size < size == 3
         if size != self._size and not in_plane:
@@ -208,7 +191,7 @@ class Trajectory:
                 'trajectory.shape',
             )
         self._pose = vector(np.zeros(self._size))
-        self.entry: Entry | None = None
+        self.entry: Entry | None = None  # how the motion is entered from another one, if it is
         still = PoseMotion(self._pose, self._pose, self._pose)
         self._joints = self.robot.kernel('joint_motion', still)
 
@@ -359,31 +342,21 @@ KEPT = 100  # motions; of older ones the first is sampled instead
 
 
 class Part(NamedTuple):
-    """A motion that is performed.
+    """A motion that is performed."""
 
-    Attributes:
-        begin: Index of the sample at which it begins, which still belongs to the one before.
-        name: Its shape, or what else it is.
-        trajectory: The motion, whose time counts from there.
-    """
-
-    begin: int
-    name: str
-    trajectory: Trajectory
+    begin: int  # index of the sample at which it begins, which still belongs to the one before
+    name: str  # its shape, or what else it is
+    trajectory: Trajectory  # the motion, whose time counts from there
 
 
 class Course:
-    """Which motion the samples belong to. It does not change; `then` makes another one.
-
-    Attributes:
-        parts: The motions, in order; the first begins with the first sample.
-        period: Time between samples [s].
-    """
+    """Which motion the samples belong to. It does not change; `then` makes another one."""
 
     def __init__(self, trajectory: Trajectory, period: float) -> None:
         """Begin with a motion."""
+        # the motions, in order; the first begins with the first sample
         self.parts: tuple[Part, ...] = (Part(0, trajectory.parameters.shape, trajectory),)
-        self.period = period
+        self.period = period  # time between samples [s]
 
     def sample(self, indices: Any) -> Reference:
         """Evaluate the motions at increasing indices of samples, shape (N,)."""

@@ -49,11 +49,7 @@ from trajectory_gen.trajectory import Course, Reference, Trajectory, TrajectoryP
 
 
 class PresentPose:
-    """Finds the pose of a robot from a joint state.
-
-    Attributes:
-        problem: Why it is not known, for people.
-    """
+    """Finds the pose of a robot from a joint state."""
 
     def __init__(self, near: Trajectory, joints: tuple[str, ...], zero_angle: Array) -> None:
         """Prepare to read joint states; the machine code is loaded here.
@@ -71,7 +67,7 @@ class PresentPose:
         self._zero_angle = zero_angle
         self._unusable: Counter[str] = Counter()
         self._reader = JointReader(topics.JOINT_STATES, joints, ('position',), self._unusable)
-        self.problem = f'no {topics.JOINT_STATES.name} yet'
+        self.problem = f'no {topics.JOINT_STATES.name} yet'  # why it is not known, for people
         try:
             poses_of(self._robot, guess.position, self._guess)
         except KinematicsError:

@@ -44,17 +44,12 @@ class Parameters(NamedTuple):
 
 
 class Spline(NamedTuple):
-    """Polynomials of degree 5 from knot to knot.
+    """Polynomials of degree 5 from knot to knot."""
 
-    Attributes:
-        knots: Times [s], shape (K + 1,).
-        coefficients: Of the powers 5 to 0 of the time since the knot, shape (K, 6, m).
-        periodic: Whether it repeats itself.
-    """
-
-    knots: np.ndarray[Any, np.dtype[np.float64]]
+    knots: np.ndarray[Any, np.dtype[np.float64]]  # times [s], shape (K + 1,)
+    # of the powers 5 to 0 of the time since the knot, shape (K, 6, m)
     coefficients: np.ndarray[Any, np.dtype[np.float64]]
-    periodic: bool
+    periodic: bool  # whether it repeats itself
 
 
 def prepare(parameters: Parameters) -> Spline:

@@ -24,21 +24,13 @@ def relayed(key: str) -> str:
 
 
 class Effect(NamedTuple):
-    """What happens to each message.
+    """What happens to each message."""
 
-    Attributes:
-        drop: Share of the messages that are lost, 0 to 1.
-        delay: Time by which each is delayed [s].
-        burst: Time for which nothing passes, before all of it passes at once [s].
-        every: Time from the start of one burst to that of the next [s].
-        shift: Time that is added to the stamp [s].
-    """
-
-    drop: float = 0.0
-    delay: float = 0.0
-    burst: float = 0.0
-    every: float = 0.5
-    shift: float = 0.0
+    drop: float = 0.0  # share of the messages that are lost, 0 to 1
+    delay: float = 0.0  # time by which each is delayed [s]
+    burst: float = 0.0  # time for which nothing passes, before all of it passes at once [s]
+    every: float = 0.5  # time from the start of one burst to that of the next [s]
+    shift: float = 0.0  # time that is added to the stamp [s]
 
 
 class Line:

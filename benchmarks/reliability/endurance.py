@@ -34,33 +34,19 @@ class Memory(NamedTuple):
 
 
 class Soak(NamedTuple):
-    """A long run.
+    """A long run."""
 
-    Attributes:
-        duration: Of the motion [s].
-        memory: By node.
-        states: States in the bag.
-        expected: States that the motion has.
-        rate: States per second of the clock by which they were recorded [1/s].
-        nominal: What it should be [1/s].
-        answered: Commands in the bag; a state that was overtaken by the next has none.
-        missing: Messages missing in the bag, of the topics in CLOCKED.
-        lost: Messages of these that the recorder knows to be lost.
-        rms: Platform error over the second half, root mean square [m].
-        failures: What must not happen, and did.
-    """
-
-    duration: float
-    memory: dict[str, Memory]
-    states: int
-    expected: int
-    rate: float
-    nominal: float
-    answered: int
-    missing: int
-    lost: int
-    rms: float
-    failures: tuple[str, ...]
+    duration: float  # of the motion [s]
+    memory: dict[str, Memory]  # by node
+    states: int  # states in the bag
+    expected: int  # states that the motion has
+    rate: float  # states per second of the clock by which they were recorded [1/s]
+    nominal: float  # what it should be [1/s]
+    answered: int  # commands in the bag; a state that was overtaken by the next has none
+    missing: int  # messages missing in the bag, of the topics in CLOCKED
+    lost: int  # messages of these that the recorder knows to be lost
+    rms: float  # platform error over the second half, root mean square [m]
+    failures: tuple[str, ...]  # what must not happen, and did
 
 
 def growth(samples: Sequence[tuple[float, float]]) -> Memory:

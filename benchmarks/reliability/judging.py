@@ -13,48 +13,29 @@ QUIET = 0.5  # s, for which it must stay there
 
 
 class Record(NamedTuple):
-    """What was seen from the beginning of a fault to the end of the recovery.
+    """What was seen from the beginning of a fault to the end of the recovery."""
 
-    Attributes:
-        time: Of the poses, since the beginning of the fault [s], shape (N,).
-        distance: Of the platform from its desired place [m], shape (N,).
-        over: When the fault was over [s].
-        torque: Torques, commanded and applied [N m], shape (M, n).
-        finite: Whether all that the loop published was finite.
-        faults: Faults of the controller, in order.
-        notes: What else the nodes reported, one text each.
-        failures: Nodes that ended or hung, one text each.
-    """
-
-    time: Array
-    distance: Array
-    over: float
-    torque: Array
-    finite: bool
-    faults: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
-    failures: tuple[str, ...] = ()
+    time: Array  # of the poses, since the beginning of the fault [s], shape (N,)
+    distance: Array  # of the platform from its desired place [m], shape (N,)
+    over: float  # when the fault was over [s]
+    torque: Array  # torques, commanded and applied [N m], shape (M, n)
+    finite: bool  # whether all that the loop published was finite
+    faults: tuple[str, ...] = ()  # faults of the controller, in order
+    notes: tuple[str, ...] = ()  # what else the nodes reported, one text each
+    failures: tuple[str, ...] = ()  # nodes that ended or hung, one text each
 
 
 class Outcome(NamedTuple):
-    """A row of the table.
+    """A row of the table."""
 
-    Attributes:
-        fault: What was done.
-        reaction: What the controller and the plant did about it.
-        worst: Largest end-effector error from the beginning of the fault to the recovery [m].
-        recovery: Time from the end of the fault until the error stays below BOUND for QUIET
-            seconds [s]; None when it does not.
-        torque: Largest torque of any joint [N m].
-        failures: What must not happen, and did.
-    """
-
-    fault: str
-    reaction: str
-    worst: float
+    fault: str  # what was done
+    reaction: str  # what the controller and the plant did about it
+    worst: float  # largest end-effector error from the beginning of the fault to the recovery [m]
+    # time from the end of the fault until the error stays below BOUND for QUIET seconds [s];
+    # None when it does not
     recovery: float | None
-    torque: float
-    failures: tuple[str, ...]
+    torque: float  # largest torque of any joint [N m]
+    failures: tuple[str, ...]  # what must not happen, and did
 
 
 def judge(fault: str, record: Record, limit: float) -> Outcome:

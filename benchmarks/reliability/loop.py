@@ -28,11 +28,7 @@ GRACE = 10.0  # s, from SIGINT to SIGKILL
 
 
 class Loop:
-    """Trajectory, plant and controller, and a relay if there is something to relay.
-
-    Attributes:
-        processes: The processes by name.
-    """
+    """Trajectory, plant and controller, and a relay if there is something to relay."""
 
     def __init__(
         self,
@@ -53,7 +49,7 @@ class Loop:
         self._changed = dict(changed)
         self._relay = tuple(relay)
         self._prefixes = prefixes or {}
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}  # the processes by name
         if relay:
             command = [sys.executable, '-m', 'reliability.relay_node', *relay]
             self.processes['relay'] = self._start('relay', command, subprocess.PIPE)

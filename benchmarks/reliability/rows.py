@@ -38,21 +38,14 @@ CORES = len(os.sched_getaffinity(0))
 
 
 class Row(NamedTuple):
-    """A fault.
+    """A fault."""
 
-    Attributes:
-        name: How it stands in the table.
-        inject: Injects it, takes as long as it lasts, and returns what is to be noted.
-        relay: The topics that go through the relay.
-        quick: Whether ``--quick`` has it.
-        across: Whether the controller is on another host.
-    """
-
-    name: str
+    name: str  # how it stands in the table
+    # injects it, takes as long as it lasts, and returns what is to be noted
     inject: Callable[[Bench], str]
-    relay: tuple[str, ...] = ()
-    quick: bool = False
-    across: bool = False
+    relay: tuple[str, ...] = ()  # the topics that go through the relay
+    quick: bool = False  # whether ``--quick`` has it
+    across: bool = False  # whether the controller is on another host
 
 
 def disturb(effect: Effect, *keys: str) -> Callable[[Bench], str]:

@@ -28,19 +28,16 @@ WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERE
 
 
 class Watch:
-    """Messages of a loop since :meth:`forget`, and services of its nodes.
-
-    Attributes:
-        heard: Messages by topic.
-        faults: (time of reception [ns], text) of each status with a fault.
-        diagnostics: Last (time of reception [ns], level, message, figures) of each node.
-    """
+    """Messages of a loop since :meth:`forget`, and services of its nodes."""
 
     def __init__(self) -> None:
         """Listen, in a thread of its own."""
+        # messages by topic
         self.heard: dict[topics.Topic, list[bytes]] = {topic: [] for topic in WATCHED}
+        # (time of reception [ns], text) of each status with a fault
         self.faults: list[tuple[int, str]] = []
         self.fault = ''  # at present
+        # last (time of reception [ns], level, message, figures) of each node
         self.diagnostics: dict[str, tuple[int, int, str, dict[str, str]]] = {}
         self._context = Context()
         self._context.init(args=[])

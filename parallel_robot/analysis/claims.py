@@ -14,37 +14,22 @@ SCENARIOS = ('paper_circle', 'paper_line')  # the paper's
 
 
 class Claim(NamedTuple):
-    """A law is said to be better than others in one metric.
+    """A law is said to be better than others in one metric."""
 
-    Attributes:
-        text: What the paper says.
-        better: The law that is said to be better.
-        others: The laws it is said to be better than.
-        value: Function that gives the metric that is compared; smaller is better.
-        unit: Unit of the value as it is printed.
-        scale: Factor from SI to that unit.
-    """
-
-    text: str
-    better: str
-    others: tuple[str, ...]
-    value: Value
-    unit: str
-    scale: float
+    text: str  # what the paper says
+    better: str  # the law that is said to be better
+    others: tuple[str, ...]  # the laws it is said to be better than
+    value: Value  # function that gives the metric that is compared; smaller is better
+    unit: str  # unit of the value as it is printed
+    scale: float  # factor from SI to that unit
 
 
 class Verdict(NamedTuple):
-    """A claim beside what was measured.
-
-    Attributes:
-        claim: The claim.
-        reproduced: Whether `better` is better than all `others`.
-        values: Law to value, in the unit of the claim.
-    """
+    """A claim beside what was measured."""
 
     claim: Claim
-    reproduced: bool
-    values: dict[str, float]
+    reproduced: bool  # whether `better` is better than all `others`
+    values: dict[str, float]  # law to value, in the unit of the claim
 
 
 def _error(metrics: Metrics) -> float:

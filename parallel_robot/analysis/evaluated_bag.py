@@ -54,43 +54,28 @@ class PartFigures(NamedTuple):
 
 
 class EvaluatedBag(NamedTuple):
-    """What is known of a bag.
+    """What is known of a bag."""
 
-    Attributes:
-        log: The run: names, configuration and counts; of a long one, states of a part alone.
-        past: What happened beside the motion.
-        timing: How it kept its time.
-        metrics: Its metrics.
-        motion: Its true motion where that is known, else the one that was seen; of a long one,
-            the samples that can be seen in a picture.
-        path: Its path; of a long one, parts of it with gaps.
-        at: Its samples at times, or the first ones after them, all in rising order.
-        samples: How many samples it has.
-        cross_coupling: Cross-coupling errors [rad], if asked for and in the bag; of a long one,
-            those that can be seen in a picture.
-        cut: Why only a part of it was evaluated; empty when all of it was.
-        parts: Its stretches between changes.
-        figures: Figures of each of several stretches.
-        last: Stamp of its last state [ns].
-        remarks: What to know of the figures, one line each.
-        saturated: Whether a plant that is known gave all it can.
-    """
-
-    log: RunLog
-    past: History
-    timing: Timing
+    log: RunLog  # the run: names, configuration and counts; of a long one, states of a part alone
+    past: History  # what happened beside the motion
+    timing: Timing  # how it kept its time
     metrics: Metrics
+    # its true motion where that is known, else the one that was seen; of a long one, the
+    # samples that can be seen in a picture
     motion: Motion
-    path: Track
+    path: Track  # its path; of a long one, parts of it with gaps
+    # its samples at times, or the first ones after them, all in rising order
     at: Callable[[np.ndarray], Motion]
-    samples: int
+    samples: int  # how many samples it has
+    # cross-coupling errors [rad], if asked for and in the bag; of a long one, those that can
+    # be seen in a picture
     cross_coupling: Series | None
-    cut: str
-    parts: list[Stretch]
-    figures: list[PartFigures]
-    last: int
-    remarks: list[str]
-    saturated: bool
+    cut: str  # why only a part of it was evaluated; empty when all of it was
+    parts: list[Stretch]  # its stretches between changes
+    figures: list[PartFigures]  # figures of each of several stretches
+    last: int  # stamp of its last state [ns]
+    remarks: list[str]  # what to know of the figures, one line each
+    saturated: bool  # whether a plant that is known gave all it can
 
 
 def evaluate(

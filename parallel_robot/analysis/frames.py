@@ -195,19 +195,12 @@ class Frames:
 
 
 class ViewerCopy(NamedTuple):
-    """A copy that was written.
+    """A copy that was written."""
 
-    Attributes:
-        path: Its directory.
-        frames: Number of frames of the robot.
-        seen: Whether they are of the joints as they are seen, not of the true ones.
-        warnings: Defects of the bag, one line each.
-    """
-
-    path: Path
-    frames: int
-    seen: bool
-    warnings: tuple[str, ...]
+    path: Path  # its directory
+    frames: int  # number of frames of the robot
+    seen: bool  # whether they are of the joints as they are seen, not of the true ones
+    warnings: tuple[str, ...]  # defects of the bag, one line each
 
 
 def write_viewer_copy(

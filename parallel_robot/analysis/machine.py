@@ -27,46 +27,27 @@ from parallel_robot_model.robots.registry import RobotModel
 
 
 class State(NamedTuple):
-    """A machine at one state of its actuated joints.
+    """A machine at one state of its actuated joints."""
 
-    Attributes:
-        position: Actuated joints [rad or m], shape (n,).
-        velocity: Their rates, shape (n,).
-        M: Inertia matrix, shape (n, n).
-        Q: Coriolis and centrifugal matrix, shape (n, n).
-        gravity: Torques that hold it against gravity [N m or N], shape (n,).
-        pose: Shape (m,).
-        joints: All joints [rad or m], shape (N,).
-        closure: How far the loops are open at most [m or rad].
-        margins: Those of the closures and of the tool, as shares of those at home.
-    """
-
-    position: Array
-    velocity: Array
-    M: Array
-    Q: Array
-    gravity: Array
-    pose: Array
-    joints: Array
-    closure: float
+    position: Array  # actuated joints [rad or m], shape (n,)
+    velocity: Array  # their rates, shape (n,)
+    M: Array  # inertia matrix, shape (n, n)
+    Q: Array  # coriolis and centrifugal matrix, shape (n, n)
+    gravity: Array  # torques that hold it against gravity [N m or N], shape (n,)
+    pose: Array  # shape (m,)
+    joints: Array  # all joints [rad or m], shape (N,)
+    closure: float  # how far the loops are open at most [m or rad]
+    # those of the closures and of the tool, as shares of those at home
     margins: tuple[float, float]
 
 
 class Facts(NamedTuple):
-    """A machine and its state at home, or where it was asked for.
+    """A machine and its state at home, or where it was asked for."""
 
-    Attributes:
-        name: Of the machine.
-        machine: What was read.
-        mechanism: The same, its numbers those of the parameters.
-        axes: Coordinates of the pose.
-        state: The state.
-    """
-
-    name: str
-    machine: Machine
-    mechanism: Mechanism
-    axes: tuple[Coordinate, ...]
+    name: str  # of the machine
+    machine: Machine  # what was read
+    mechanism: Mechanism  # the same, its numbers those of the parameters
+    axes: tuple[Coordinate, ...]  # coordinates of the pose
     state: State
 
     def plain(self) -> dict[str, Any]:

@@ -27,118 +27,83 @@ SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to r
 
 
 class Errors(NamedTuple):
-    """Tracking errors over a part of a run.
+    """Tracking errors over a part of a run."""
 
-    Attributes:
-        xy_rms_m: Root mean square distance of the end effector from its reference [m]; NaN for a
-            robot whose pose is not a place.
-        xy_max_m: Largest distance [m]; NaN for such a robot.
-        joint_rms_rad: Root mean square joint error over all joints [rad].
-        sync_rms_rad: Root mean square synchronisation error over all joints [rad].
-        rotation_rms_rad: Root mean square angle by which the end effector is turned from its
-            reference [rad]; NaN where no rotation is a part of the pose.
-        rotation_max_rad: Largest such angle [rad].
-    """
-
+    # root mean square distance of the end effector from its reference [m]; NaN for a robot
+    # whose pose is not a place
     xy_rms_m: float
-    xy_max_m: float
-    joint_rms_rad: float
-    sync_rms_rad: float
+    xy_max_m: float  # largest distance [m]; NaN for such a robot
+    joint_rms_rad: float  # root mean square joint error over all joints [rad]
+    sync_rms_rad: float  # root mean square synchronisation error over all joints [rad]
+    # root mean square angle by which the end effector is turned from its reference [rad];
+    # NaN where no rotation is a part of the pose
     rotation_rms_rad: float = math.nan
-    rotation_max_rad: float = math.nan
+    rotation_max_rad: float = math.nan  # largest such angle [rad]
 
 
 class Torque(NamedTuple):
-    """Motor torques over a whole motion.
+    """Motor torques over a whole motion."""
 
-    Attributes:
-        max_nm: Largest absolute torque of any joint [N m].
-        total_variation_nm_per_s: Sum over the joints of |change of torque|, per second [N m/s].
-        chattering_nm: Root mean square, over all joints and the window, of the torque minus its
-            moving mean over SMOOTH [N m]; NaN of samples too far apart for one.
-    """
-
-    max_nm: float
+    max_nm: float  # largest absolute torque of any joint [N m]
+    # sum over the joints of |change of torque|, per second [N m/s]
     total_variation_nm_per_s: float
+    # root mean square, over all joints and the window, of the torque minus its moving mean
+    # over SMOOTH [N m]; NaN of samples too far apart for one
     chattering_nm: float
 
 
 class Effort(NamedTuple):
-    """What the motors are put to over the window.
+    """What the motors are put to over the window."""
 
-    Attributes:
-        torque_rms_nm: Root mean square torque over all joints [N m].
-        energy_j: Mechanical work of all motors, braking as dear as driving: the sum over the
-            joints of the integral of |torque x rate| [J]. The torque is constant over a period,
-            so that is |torque x change of the position|, summed.
-        excess_chattering_nm: Chattering that does not help to hold the robot on its reference,
-            see :func:`excess_chattering` [N m]; NaN where the ideal torque is not known.
-    """
-
-    torque_rms_nm: float = math.nan
+    torque_rms_nm: float = math.nan  # root mean square torque over all joints [N m]
+    # mechanical work of all motors, braking as dear as driving: the sum over the joints of
+    # the integral of |torque x rate| [J]. The torque is constant over a period, so that is
+    # |torque x change of the position|, summed
     energy_j: float = math.nan
+    # chattering that does not help to hold the robot on its reference, see
+    # :func:`excess_chattering` [N m]; NaN where the ideal torque is not known
     excess_chattering_nm: float = math.nan
 
 
 class Transient(NamedTuple):
-    """How fast the end effector reaches its reference and stays there.
+    """How fast the end effector reaches its reference and stays there."""
 
-    Attributes:
-        to_1_mm_s: Time after which the distance stays below 1 mm, for BELOW or more [s]; None if
-            never, NaN for a robot whose pose is not a place.
-        to_0_1_mm_s: The same for 0.1 mm [s].
-    """
-
+    # time after which the distance stays below 1 mm, for BELOW or more [s]; None if never,
+    # NaN for a robot whose pose is not a place
     to_1_mm_s: float | None
-    to_0_1_mm_s: float | None
+    to_0_1_mm_s: float | None  # the same for 0.1 mm [s]
 
 
 class Window(NamedTuple):
-    """Over which part of a run errors, chattering and effort are taken: its window.
+    """Over which part of a run errors, chattering and effort are taken: its window."""
 
-    Attributes:
-        start_s: Its begin [s].
-        stop_s: Its end [s].
-        run_s: Duration of all of the run, also of what is not looked at [s].
-        asked: Whether somebody asked for this part; then all metrics are of it alone. Else it is
-            the second half of the motion: from the first time at which the reference moves to
-            that from which on it rests for good.
-        rests: Whether the reference rests before or after the motion.
-        falls: Root mean square joint errors of its halves [rad], where the second is much less:
-            the robot had not settled; None where it had.
-    """
-
-    start_s: float
-    stop_s: float
-    run_s: float
+    start_s: float  # its begin [s]
+    stop_s: float  # its end [s]
+    run_s: float  # duration of all of the run, also of what is not looked at [s]
+    # whether somebody asked for this part; then all metrics are of it alone. Else it is the
+    # second half of the motion: from the first time at which the reference moves to that
+    # from which on it rests for good
     asked: bool = False
-    rests: bool = False
+    rests: bool = False  # whether the reference rests before or after the motion
+    # root mean square joint errors of its halves [rad], where the second is much less: the
+    # robot had not settled; None where it had
     falls: tuple[float, float] | None = None
 
 
 class Metrics(NamedTuple):
-    """All metrics of a run, of its motion: without what follows where that has come to rest.
+    """All metrics of a run, of its motion: without what follows where that has come to rest."""
 
-    Attributes:
-        duration_s: Duration of the motion [s].
-        transient: How fast the end effector reaches its reference.
-        steady: Tracking errors.
-        torque: Torques of the motors.
-        effort: What the motors are put to.
-        source: TRUE: of the true motion; SEEN: of what sensors and nominal robot show.
-        seen: Those of what is seen; None where all that is seen is true.
-        window: Over which part errors, chattering and effort are taken.
-        units: Units of the joints: what is said to be in rad and N m is in m and N of slides.
-    """
-
-    duration_s: float
-    transient: Transient
-    steady: Errors
-    torque: Torque
-    effort: Effort = Effort()
+    duration_s: float  # duration of the motion [s]
+    transient: Transient  # how fast the end effector reaches its reference
+    steady: Errors  # tracking errors
+    torque: Torque  # torques of the motors
+    effort: Effort = Effort()  # what the motors are put to
+    # TRUE: of the true motion; SEEN: of what sensors and nominal robot show
     source: Literal['true', 'seen'] = TRUE
-    seen: Metrics | None = None
+    seen: Metrics | None = None  # those of what is seen; None where all that is seen is true
+    # over which part errors, chattering and effort are taken
     window: Window = Window(math.nan, math.nan, math.nan)
+    # units of the joints: what is said to be in rad and N m is in m and N of slides
     units: JointUnits = HINGES
 
 

@@ -38,24 +38,16 @@ class WindowMetrics(NamedTuple):
 
     A robot whose pose is not a place has no end-effector error: its topics do not exist. That
     of one whose pose is a place is NaN while a sample of the window has no pose.
-
-    Attributes:
-        platform_error_rms: Root mean square distance of the end effector from its reference [m].
-        platform_error_max: Largest distance [m].
-        joint_error_rms: Root mean square joint error over all joints [rad].
-        synchronisation_error_rms: The same for the synchronisation error [rad].
-        torque_max: Largest absolute torque [N m].
-        torque_variation: Sum over the joints of |change of torque|, per second [N m/s].
-        torque_chattering: Root mean square of the torque minus its moving mean [N m].
     """
 
+    # root mean square distance of the end effector from its reference [m]
     platform_error_rms: float
-    platform_error_max: float
-    joint_error_rms: float
-    synchronisation_error_rms: float
-    torque_max: float
-    torque_variation: float
-    torque_chattering: float
+    platform_error_max: float  # largest distance [m]
+    joint_error_rms: float  # root mean square joint error over all joints [rad]
+    synchronisation_error_rms: float  # the same for the synchronisation error [rad]
+    torque_max: float  # largest absolute torque [N m]
+    torque_variation: float  # sum over the joints of |change of torque|, per second [N m/s]
+    torque_chattering: float  # root mean square of the torque minus its moving mean [N m]
 
 
 class _Window(NamedTuple):
@@ -187,14 +179,7 @@ def _has_recent(references: list[int], stamp: int) -> bool:
 
 
 class Posture:
-    """Follows the links of the nominal robot.
-
-    Attributes:
-        links: The links, L.
-        moving: Which of them have a joint that moves, shape (L,).
-        joints: Names of the joints that move.
-        description: The robot as URDF.
-    """
+    """Follows the links of the nominal robot."""
 
     def __init__(
         self, robot: RobotModel, guess: Array, loop: LoopParameters, zero_angle: Array
@@ -212,10 +197,12 @@ class Posture:
         """
         self._robot, self._zero_angle = robot, zero_angle
         self._first_guess = self._guess = guess
-        self.links = links_of(robot, loop.joints)
+        self.links = links_of(robot, loop.joints)  # the links, L
+        # which of them have a joint that moves, shape (L,)
         self.moving = np.array([link.kind != FIXED for link in self.links])
+        # names of the joints that move
         self.joints = tuple(link.joint for link in self.links if link.kind != FIXED)
-        self.description = urdf(robot.name, self.links)
+        self.description = urdf(robot.name, self.links)  # the robot as URDF
         self._period = MARKERS_EVERY * loop.period_ns
         self._newest: int | None = None
 

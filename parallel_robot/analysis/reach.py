@@ -33,14 +33,10 @@ class Axis(NamedTuple):
 
 
 class Plane(NamedTuple):
-    """A plane through a pose; all coordinates that lie in neither axis are those of the pose.
+    """A plane through a pose; all coordinates that lie in neither axis are those of the pose."""
 
-    Attributes:
-        pose: Shape (m,).
-        axes: The first axis, which is drawn to the right, and the second one, upward.
-    """
-
-    pose: Array
+    pose: Array  # shape (m,)
+    # the first axis, which is drawn to the right, and the second one, upward
     axes: tuple[Axis, Axis]
 
     def coordinates(self, poses: Array) -> Array:
@@ -188,21 +184,13 @@ TURN = 1.0  # rad, of the first grid
 
 
 class Region(NamedTuple):
-    """What a robot reaches in a plane; rows go with the second axis, columns with the first.
-
-    Attributes:
-        plane: The plane.
-        first: Coordinates along the first axis, shape (columns,).
-        second: Coordinates along the second axis, shape (rows,).
-        reach: What is reached of them.
-        complete: Whether the region ends within the grid, angles within half a turn.
-    """
+    """What a robot reaches in a plane; rows go with the second axis, columns with the first."""
 
     plane: Plane
-    first: Array
-    second: Array
-    reach: Reach
-    complete: bool
+    first: Array  # coordinates along the first axis, shape (columns,)
+    second: Array  # coordinates along the second axis, shape (rows,)
+    reach: Reach  # what is reached of them
+    complete: bool  # whether the region ends within the grid, angles within half a turn
 
     @property
     def inside(self) -> NDArray[np.bool_]:

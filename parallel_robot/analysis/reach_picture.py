@@ -34,25 +34,16 @@ from trajectory_gen.trajectory import joints_at
 
 
 class Scenery(NamedTuple):
-    """What is drawn with a region.
+    """What is drawn with a region."""
 
-    Attributes:
-        title: Of the picture, and in a second line what is smaller.
-        robot: The robot.
-        coordinates: Of its pose.
-        home: Pose where it is traced from, shape (m,); None where that does not matter.
-        path: Poses of the motion, shape (N, m).
-        lines: Lines of the robot in the plane [m], shape (lines, 2, 2); of a robot in space none.
-        values: The resolved configuration, which has the limits of the margins.
-    """
-
-    title: str
+    title: str  # of the picture, and in a second line what is smaller
     robot: RobotModel
-    coordinates: tuple[Coordinate, ...]
-    home: Array | None
-    path: Array
+    coordinates: tuple[Coordinate, ...]  # of its pose
+    home: Array | None  # pose where it is traced from, shape (m,); None where that does not matter
+    path: Array  # poses of the motion, shape (N, m)
+    # lines of the robot in the plane [m], shape (lines, 2, 2); of a robot in space none
     lines: Array
-    values: Mapping[str, Any]
+    values: Mapping[str, Any]  # the resolved configuration, which has the limits of the margins
 
 
 def plane_and_scenery(configuration: Configuration, plane: str = '') -> tuple[Plane, Scenery]:

@@ -19,18 +19,13 @@ class Metric(NamedTuple):
     """One metric; smaller is better.
 
     Its names and unit are those of hinges: ``metric.told(found.units)`` has those of a run's.
-
-    Attributes:
-        name: Full name.
-        short: Heading of a narrow column.
-        unit: Unit as it is printed.
-        value: Function that gives the value in that unit; None for a state never reached, NaN
-            where the metric is not defined.
     """
 
-    name: str
-    short: str
-    unit: str
+    name: str  # full name
+    short: str  # heading of a narrow column
+    unit: str  # unit as it is printed
+    # function that gives the value in that unit; None for a state never reached, NaN where
+    # the metric is not defined
     value: Callable[[Metrics], float | None]
 
     def told(self, units: JointUnits) -> Metric:

@@ -134,22 +134,14 @@ HIDDEN = 'the sensors are not ideal ({0}) and the bag does not tell the true mot
 
 
 class Recorded(NamedTuple):
-    """The motions of a bag.
+    """The motions of a bag."""
 
-    Attributes:
-        log: The run, up to the first sample without a pose.
-        poses: Poses of its joints by the nominal robot.
-        motions: Its motions.
-        cut: Why only a part of it is there; empty when all of it is.
-        remark: Why there is no true motion; empty when there is one.
-        saturated: For how long the motors of a plant that is known gave all they can.
-    """
-
-    log: RunLog
-    poses: Poses
+    log: RunLog  # the run, up to the first sample without a pose
+    poses: Poses  # poses of its joints by the nominal robot
     motions: Motions
-    cut: str
-    remark: str
+    cut: str  # why only a part of it is there; empty when all of it is
+    remark: str  # why there is no true motion; empty when there is one
+    # for how long the motors of a plant that is known gave all they can
     saturated: tuple[str, ...] = ()
 
     @property

@@ -45,17 +45,12 @@ class Halves(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What has to be known of a part of a run before its metrics can be found.
+    """What has to be known of a part of a run before its metrics can be found."""
 
-    Attributes:
-        end: Time from which on the best motion rests to the end [s]; infinite where it does not.
-        true: Halves of the true motion; None where nobody can know.
-        seen: Halves of the motion that was seen.
-    """
-
+    # time from which on the best motion rests to the end [s]; infinite where it does not
     end: float = math.inf
-    true: Halves | None = None
-    seen: Halves | None = None
+    true: Halves | None = None  # halves of the true motion; None where nobody can know
+    seen: Halves | None = None  # halves of the motion that was seen
 
 
 def all_of_it(count: int, first: int = 0) -> Halves:

@@ -40,15 +40,10 @@ NEEDED = (SLIDING_VARIABLE,)  # topics that are to be read beside the run
 
 
 class Table(NamedTuple):
-    """A bag as a table.
+    """A bag as a table."""
 
-    Attributes:
-        columns: Name to numbers, shape (N,).
-        warnings: Defects of the bag and what cannot be computed, one line each.
-    """
-
-    columns: Columns
-    warnings: tuple[str, ...]
+    columns: Columns  # name to numbers, shape (N,)
+    warnings: tuple[str, ...]  # defects of the bag and what cannot be computed, one line each
 
 
 def of(recording: Recording) -> Table:

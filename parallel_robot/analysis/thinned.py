@@ -48,17 +48,12 @@ def extremes(
 
 
 class Curves:
-    """Curves that grow; of long ones, what can be seen.
-
-    Attributes:
-        time: Of the values that are kept [s], shape (N,).
-        values: Of each curve, shape (N, c).
-    """
+    """Curves that grow; of long ones, what can be seen."""
 
     def __init__(self) -> None:
         """Begin without values."""
-        self.time = np.zeros(0)
-        self.values = np.zeros((0, 0))
+        self.time = np.zeros(0)  # of the values that are kept [s], shape (N,)
+        self.values = np.zeros((0, 0))  # of each curve, shape (N, c)
 
     def add(self, time: np.ndarray, values: np.ndarray) -> None:
         """Append values; `time` as of :attr:`time`, `values` as of :attr:`values`."""
@@ -89,27 +84,17 @@ Part = TypeVar('Part')
 
 
 class Series(NamedTuple):
-    """Values over time.
+    """Values over time."""
 
-    Attributes:
-        time: Since t = 0 [s], shape (N,).
-        values: One column for each joint, shape (N, n).
-    """
-
-    time: np.ndarray
-    values: np.ndarray
+    time: np.ndarray  # since t = 0 [s], shape (N,)
+    values: np.ndarray  # one column for each joint, shape (N, n)
 
 
 class Track(NamedTuple):
-    """A path; poses that are not numbers end a line, where a part is left out.
+    """A path; poses that are not numbers end a line, where a part is left out."""
 
-    Attributes:
-        time: Since t = 0 [s], shape (N,).
-        poses: Poses of end effector and reference.
-    """
-
-    time: np.ndarray
-    poses: Poses
+    time: np.ndarray  # since t = 0 [s], shape (N,)
+    poses: Poses  # poses of end effector and reference
 
 
 class Growing(Generic[Part]):

@@ -39,27 +39,22 @@ class Timing(NamedTuple):
     without the age of the state where its stamp tells that. One sample is ideal: the torque
     computed from state k acts from k to k + 1. A step before the first command counts as one that
     answers the state before the first.
-
-    Attributes:
-        states: Number of states that were to be answered.
-        answered: Number of states that were answered; None if the bag does not say.
-        period: Period of the loop [s].
-        lag: Lag of each step [samples], shape (L,); empty when the bag does not say. Of a bag that
-            is read in windows, its percentiles from 1 to 100.
-        uncommanded: Number of steps after the first command whose torque answers no state: in the
-            safe action of the motors, at zero torque in a fault.
-        delay: From the sample at which each state is sent to its recording [s], shape (N,); empty
-            when the stamps are not of the recorder's clock, as in lockstep. Of a bag that is read
-            in windows, its percentiles from 0 to 100.
-        priority: Node to the real-time priority that it was granted, where the bag says so.
     """
 
-    states: int
-    answered: int | None
-    period: float
+    states: int  # number of states that were to be answered
+    answered: int | None  # number of states that were answered; None if the bag does not say
+    period: float  # period of the loop [s]
+    # lag of each step [samples], shape (L,); empty when the bag does not say. Of a bag that
+    # is read in windows, its percentiles from 1 to 100
     lag: NDArray[np.int64]
+    # number of steps after the first command whose torque answers no state: in the safe
+    # action of the motors, at zero torque in a fault
     uncommanded: int
+    # from the sample at which each state is sent to its recording [s], shape (N,); empty
+    # when the stamps are not of the recorder's clock, as in lockstep. Of a bag that is read
+    # in windows, its percentiles from 0 to 100
     delay: NDArray[np.float64]
+    # node to the real-time priority that it was granted, where the bag says so
     priority: dict[str, str]
 
     @property

@@ -28,29 +28,19 @@ SEEN = 0.08  # of the path's size: the largest error of the second half, magnifi
 
 
 class Scene(NamedTuple):
-    """One run as a video shows it; what is in space is seen obliquely.
-
-    Attributes:
-        run: The run.
-        now: Its samples at the frames, shape (F, ...).
-        rows: Row of its motion at each frame, shape (F,).
-        path_rows: Row of its path at each frame, shape (F,).
-        parts: Name of each part of the robot to the ends of its lines [m], shape (F, L, 2, 2).
-        reference: Desired path of the end effector [m], NaN where it is left out, shape (P, 2).
-        actual: Its path [m], likewise, shape (P, 2).
-        path: Its path with magnified errors [m], likewise, shape (P, 2).
-        error: Distances from the reference [m], shape (N,).
-    """
+    """One run as a video shows it; what is in space is seen obliquely."""
 
     run: Run
-    now: Motion
-    rows: np.ndarray
-    path_rows: np.ndarray
+    now: Motion  # its samples at the frames, shape (F, ...)
+    rows: np.ndarray  # row of its motion at each frame, shape (F,)
+    path_rows: np.ndarray  # row of its path at each frame, shape (F,)
+    # name of each part of the robot to the ends of its lines [m], shape (F, L, 2, 2)
     parts: dict[str, np.ndarray]
+    # desired path of the end effector [m], NaN where it is left out, shape (P, 2)
     reference: np.ndarray
-    actual: np.ndarray
-    path: np.ndarray
-    error: np.ndarray
+    actual: np.ndarray  # its path [m], likewise, shape (P, 2)
+    path: np.ndarray  # its path with magnified errors [m], likewise, shape (P, 2)
+    error: np.ndarray  # distances from the reference [m], shape (N,)
 
 
 def frame_times(runs: Sequence[Run], rate: float, speed: float, most: int) -> np.ndarray:

@@ -100,17 +100,11 @@ MAGNIFICATIONS = 1.0, 1e9
 
 
 class Video(NamedTuple):
-    """A video that was written.
+    """A video that was written."""
 
-    Attributes:
-        path: Its file.
-        frames: Number of its frames.
-        magnified: By how much errors of the path are magnified.
-    """
-
-    path: Path
-    frames: int
-    magnified: float
+    path: Path  # its file
+    frames: int  # number of its frames
+    magnified: float  # by how much errors of the path are magnified
 
 
 def make(

@@ -320,9 +320,6 @@ class MotionWindows:
     """The motions of windows that follow each other, as those of the whole bag.
 
     Of a bag whose states do not tell the true joints, a plant has to move once more.
-
-    Attributes:
-        cut: Why the motion was followed up to a window alone; empty when it was not cut off.
     """
 
     def __init__(self, count: int, plant: PlantWindows | None = None, ideal: bool = True) -> None:
@@ -337,6 +334,7 @@ class MotionWindows:
         self._ideal: _Ideal | None = None
         self._motions, self._plant = recorded_motions.InParts(plant), plant
         self._end = math.nan  # s, time of the last state that was followed
+        # why the motion was followed up to a window alone; empty when it was not cut off
         self.cut = ''
 
     def of(self, found: Recording) -> Recorded | None:

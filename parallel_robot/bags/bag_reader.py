@@ -45,29 +45,22 @@ INSTEAD = {REFERENCE: (planned_motion.STATE,)}  # types that are taken where the
 
 
 class BagView(NamedTuple):
-    """How a bag is to be read.
+    """How a bag is to be read."""
 
-    Attributes:
-        topics: Name of a topic of the suite to that which takes its place in the bag.
-        namespace: Of the robot, with its leading slash; None: the only one, or none.
-        scenario: What a bag without a configuration is of; None: BASE.
-        values: Keys of the configuration and their values, over those of the scenario.
-        spare: The same for a bag without a configuration alone; with one, they are not used here.
-        override: Whether they take the place of what a bag says itself.
-        start: Time from which on states are looked at [s]; None: from the first one.
-        stop: Time up to which they are looked at [s]; None: to the last one.
-        whole: Whether the others are read, too.
-    """
-
+    # name of a topic of the suite to that which takes its place in the bag
     topics: Mapping[str, str] = MappingProxyType({})
+    # of the robot, with its leading slash; None: the only one, or none
     namespace: str | None = None
-    scenario: str | None = None
+    scenario: str | None = None  # what a bag without a configuration is of; None: BASE
+    # keys of the configuration and their values, over those of the scenario
     values: Mapping[str, Any] = MappingProxyType({})
+    # the same for a bag without a configuration alone; with one, they are not used here
     spare: Mapping[str, Any] = MappingProxyType({})
-    override: bool = False
+    override: bool = False  # whether they take the place of what a bag says itself
+    # time from which on states are looked at [s]; None: from the first one
     start: float | None = None
-    stop: float | None = None
-    whole: bool = False
+    stop: float | None = None  # time up to which they are looked at [s]; None: to the last one
+    whole: bool = False  # whether the others are read, too
 
     def of(self, configured: bool) -> BagView:
         """How a bag with a configuration, or without one, is read."""
@@ -195,26 +188,18 @@ LARGE = 1 << 21  # bytes of messages that are sorted at once
 
 @dataclass(frozen=True)
 class Bag(Generic[Part]):
-    """What was read of a bag.
+    """What was read of a bag."""
 
-    Attributes:
-        streams: What `condense` returned, by full name of the topic.
-        metadata: What the suite wrote about the experiment; empty when another recorded it.
-        warnings: What is wrong with the bag, one line each.
-        notes: Other metadata records, by their name.
-        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name; bad
-            names and long sources are left out.
-        channels: Type of each topic of the bag, by its full name.
-        encodings: Encoding of those that are not CDR, which are not read.
-    """
-
-    streams: dict[str, list[Part]]
+    streams: dict[str, list[Part]]  # what `condense` returned, by full name of the topic
+    # what the suite wrote about the experiment; empty when another recorded it
     metadata: dict[str, str]
-    warnings: tuple[str, ...]
-    notes: dict[str, list[dict[str, str]]]
+    warnings: tuple[str, ...]  # what is wrong with the bag, one line each
+    notes: dict[str, list[dict[str, str]]]  # other metadata records, by their name
+    # source of each custom law and robot by key, as ``custom_laws``, and by name; bad names
+    # and long sources are left out
     sources: dict[str, dict[str, bytes]]
-    channels: dict[str, str]
-    encodings: dict[str, str]
+    channels: dict[str, str]  # type of each topic of the bag, by its full name
+    encodings: dict[str, str]  # encoding of those that are not CDR, which are not read
 
 
 def read(

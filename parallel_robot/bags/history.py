@@ -28,23 +28,14 @@ LIMIT_TEXT = {limiting.ACTED_CODE[bit]: text for bit, text in limiting.ACTED_TEX
 
 
 class ControllerStatus(NamedTuple):
-    """A status of the controller.
+    """A status of the controller."""
 
-    Attributes:
-        stamp: When it began [ns].
-        law: Active law.
-        fault: Code of the fault, NO_FAULT without one.
-        fault_text: The fault for people.
-        limits: Codes of the limits that acted, until none had done so for a while.
-        pose: The pose that the controller was told; empty when it was not.
-    """
-
-    stamp: int
-    law: str
-    fault: str
-    fault_text: str
-    limits: tuple[str, ...]
-    pose: tuple[float, ...] = ()
+    stamp: int  # when it began [ns]
+    law: str  # active law
+    fault: str  # code of the fault, NO_FAULT without one
+    fault_text: str  # the fault for people
+    limits: tuple[str, ...]  # codes of the limits that acted, until none had done so for a while
+    pose: tuple[float, ...] = ()  # the pose that the controller was told; empty when it was not
 
 
 def status_decoder(bag: Path) -> Callable[[Topic, Messages], list[tuple[int, ControllerStatus]]]:
@@ -100,37 +91,26 @@ FEW = 5  # changes of the motion that are told one by one
 
 
 class Change(NamedTuple):
-    """A change of parameters while the run was recorded.
+    """A change of parameters while the run was recorded."""
 
-    Attributes:
-        stamp: Stamp of the newest state when the change arrived [ns].
-        node: Full name of the node.
-        values: New values by key.
-    """
-
-    stamp: int
-    node: str
-    values: dict[str, Any]
+    stamp: int  # stamp of the newest state when the change arrived [ns]
+    node: str  # full name of the node
+    values: dict[str, Any]  # new values by key
 
 
 class History(NamedTuple):
-    """What happened beside the motion.
+    """What happened beside the motion."""
 
-    Attributes:
-        facts: What the suite wrote about the experiment; empty when another recorded it.
-        statuses: What the controller published of itself, in order; empty in bags of others.
-        parameters: Node to its parameters at the start of the recording, where they were asked.
-        changes: Later changes of parameters.
-        sources: Source of each custom law and robot by key, as ``custom_laws``, and by name.
-        lost: Topic to number of messages that the recorder knows to be missing.
-    """
-
+    # what the suite wrote about the experiment; empty when another recorded it
     facts: dict[str, str]
+    # what the controller published of itself, in order; empty in bags of others
     statuses: tuple[ControllerStatus, ...]
+    # node to its parameters at the start of the recording, where they were asked
     parameters: dict[str, dict[str, Any]]
-    changes: tuple[Change, ...]
+    changes: tuple[Change, ...]  # later changes of parameters
+    # source of each custom law and robot by key, as ``custom_laws``, and by name
     sources: dict[str, dict[str, bytes]]
-    lost: dict[str, int]
+    lost: dict[str, int]  # topic to number of messages that the recorder knows to be missing
 
 
 def of(found: Bag[Any], told: Iterable[tuple[int, ControllerStatus]]) -> History:

@@ -36,17 +36,11 @@ HELP = 'parallel_robot recover makes a whole bag of it'
 
 
 class RecordedTopic(NamedTuple):
-    """A topic of a bag.
+    """A topic of a bag."""
 
-    Attributes:
-        name: Name with leading slash.
-        type: ROS type.
-        latched: How many messages a late subscriber got from all publishers; 0: not latched.
-    """
-
-    name: str
-    type: str
-    latched: int
+    name: str  # name with leading slash
+    type: str  # ROS type
+    latched: int  # how many messages a late subscriber got from all publishers; 0: not latched
 
 
 class RecordedMessage(NamedTuple):
@@ -58,15 +52,7 @@ class RecordedMessage(NamedTuple):
 
 
 class BagReader:
-    """An open bag; holds a few chunks in memory, whatever its size.
-
-    Attributes:
-        topics: By name with leading slash.
-        counts: Messages by topic.
-        start: Log time of the first message [ns].
-        end: Log time of the last message [ns].
-        damage: What :meth:`arrays` left out.
-    """
+    """An open bag; holds a few chunks in memory, whatever its size."""
 
     def __init__(self, bag: str | Path, memory: int = MEMORY, make_index: bool = False) -> None:
         """Read the index.
@@ -80,14 +66,14 @@ class BagReader:
         Raises:
             BagError: not a bag, or one without index.
         """
-        self.topics: dict[str, RecordedTopic] = {}
-        self.counts: Counter[str] = Counter()
+        self.topics: dict[str, RecordedTopic] = {}  # by name with leading slash
+        self.counts: Counter[str] = Counter()  # messages by topic
         self._bag = Path(bag)
         self._memory = memory
         self._size = 0
         self._make_index = make_index
         self._walked: set[int] = set()  # files without an index of their own
-        self.damage: list[Damage] = []
+        self.damage: list[Damage] = []  # what :meth:`arrays` left out
         self._paths = files(self._bag)
         self._names: list[dict[int, str]] = []  # of topics, by number of channel, of each file
         self._data: list[memoryview] = []
@@ -101,8 +87,9 @@ class BagReader:
             sqlite = make_index and bag_kinds.is_sqlite(file)
             self._sqlite.append(SqliteFile(path, file) if sqlite else None)
         self._chunks = Chunks(tables)
+        # log time of the first message [ns]
         self.start = self._chunks[0].first if len(self._chunks) else 0
-        self.end = int(self._chunks.last.max(initial=0))
+        self.end = int(self._chunks.last.max(initial=0))  # log time of the last message [ns]
 
     def messages(
         self, topics: Collection[str], start: int, end: int | None = None
@@ -328,17 +315,11 @@ Streams = dict[str, list[Samples]]  # by full name of the topic
 
 
 class Window(NamedTuple):
-    """The messages of a window, and those around it that its states need.
+    """The messages of a window, and those around it that its states need."""
 
-    Attributes:
-        span: The window.
-        streams: The messages.
-        preceded: Whether states from before it were read.
-    """
-
-    span: Span
-    streams: Mapping[str, Sequence[Sequence[Samples]]]
-    preceded: bool
+    span: Span  # the window
+    streams: Mapping[str, Sequence[Sequence[Samples]]]  # the messages
+    preceded: bool  # whether states from before it were read
 
 
 def windows(

@@ -162,15 +162,11 @@ class KeptParts:
 
 
 class SortedRows:
-    """Rows by a time or stamp each; equal ones stay in the order in which they came.
-
-    Attributes:
-        count: How many there are.
-    """
+    """Rows by a time or stamp each; equal ones stay in the order in which they came."""
 
     def __init__(self, what: str) -> None:
         """Begin without any; `what` they are, for error messages."""
-        self.count = 0
+        self.count = 0  # how many there are
         self._parts = KeptParts(what)
         self._newest: float | None = None
         self._rise = True

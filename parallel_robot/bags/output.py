@@ -188,14 +188,10 @@ def without_mathematics(text: str) -> str:
 
 
 class PrintableStream:
-    """A stream that removes control characters from lines; everything else is delegated.
-
-    Attributes:
-        stream: Where the lines go.
-    """
+    """A stream that removes control characters from lines; everything else is delegated."""
 
     def __init__(self, stream: TextIO) -> None:
-        self.stream = stream
+        self.stream = stream  # where the lines go
 
     def write(self, text: str) -> int:
         """Write lines."""

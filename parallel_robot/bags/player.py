@@ -41,10 +41,6 @@ class Player:
     origin that every pause, step, seek and new rate sets again: delays are caught up, nothing
     drifts. Messages of one log time go out together; a sample of the loop ends where the
     next state begins, or without states with its log time.
-
-    Attributes:
-        sent: Messages sent.
-        paused: Whether the time of the bag is stopped.
     """
 
     def __init__(
@@ -68,8 +64,8 @@ class Player:
         Raises:
             InputError: the start lies behind the end of the bag.
         """
-        self.sent = 0
-        self.paused = options.pause
+        self.sent = 0  # messages sent
+        self.paused = options.pause  # whether the time of the bag is stopped
         self._bag = bag
         self._topics = topics
         self._states = next((name for name in topics if name.endswith(STATES)), None)

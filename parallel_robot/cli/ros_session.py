@@ -33,13 +33,7 @@ SILENT = 'it does not answer'
 
 
 class Session:
-    """Talks to the nodes of a run; use as a context manager.
-
-    Attributes:
-        state: Index of the last state that the plant reported, -1 before the first report.
-        driven_out: Whether the plant reported that the robot was driven out of its workspace.
-        alarms: What each node last reported as wrong; empty for nothing.
-    """
+    """Talks to the nodes of a run; use as a context manager."""
 
     def __init__(
         self,
@@ -61,8 +55,11 @@ class Session:
         self._namespace = namespace
         self._transport = middleware
         self._exit = ExitStack()
+        # index of the last state that the plant reported, -1 before the first report
         self.state = -1
+        # whether the plant reported that the robot was driven out of its workspace
         self.driven_out = False
+        # what each node last reported as wrong; empty for nothing
         self.alarms = dict.fromkeys(self._names, '')
 
     def __enter__(self) -> Session:

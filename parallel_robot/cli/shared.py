@@ -244,19 +244,12 @@ def _finite(data: Any) -> Any:
 
 
 class Made(NamedTuple):
-    """A run that was recorded.
+    """A run that was recorded."""
 
-    Attributes:
-        log: The run; of a long one, its last states.
-        past: What happened beside the motion.
-        timed: How it kept its time.
-        evaluated: Returns all of its figures.
-    """
-
-    log: run_log.RunLog
-    past: history.History
-    timed: Timing
-    evaluated: Callable[[], EvaluatedBag]
+    log: run_log.RunLog  # the run; of a long one, its last states
+    past: history.History  # what happened beside the motion
+    timed: Timing  # how it kept its time
+    evaluated: Callable[[], EvaluatedBag]  # returns all of its figures
 
     @property
     def failure(self) -> str:

@@ -41,23 +41,14 @@ OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_ag
 
 
 class Contents(NamedTuple):
-    """What a unit is made of.
+    """What a unit is made of."""
 
-    Attributes:
-        text: What it is, in a line.
-        root: What its kernels take, boxed.
-        entries: Its kernels by name.
-        variables: Its variables.
-        period: Time between two states [s].
-        codes: Text of each fault by its number.
-    """
-
-    text: str
-    root: Boxed
-    entries: Mapping[str, Callable[..., int]]
+    text: str  # what it is, in a line
+    root: Boxed  # what its kernels take, boxed
+    entries: Mapping[str, Callable[..., int]]  # its kernels by name
     variables: tuple[Variable, ...]
-    period: float
-    codes: Mapping[int, str]
+    period: float  # time between two states [s]
+    codes: Mapping[int, str]  # text of each fault by its number
 
 
 def law_contents(configuration: ControlConfiguration) -> Contents:

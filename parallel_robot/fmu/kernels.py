@@ -49,21 +49,13 @@ NUMBERS = 7
 
 
 class LawInstance(NamedTuple):
-    """A controller with its memory.
+    """A controller with its memory."""
 
-    Attributes:
-        setup: Law, robot and limits, see :class:`ControlSetup`.
-        state: State after the cycle before, a KeptValue.
-        like: A state, for its type.
-        values: Address of inputs and outputs: ROWS for each joint, then NUMBERS.
-        period: Time between states [s].
-    """
-
-    setup: Any
-    state: int
-    like: CycleState
-    values: int
-    period: float
+    setup: Any  # law, robot and limits, see :class:`ControlSetup`
+    state: int  # state after the cycle before, a KeptValue
+    like: CycleState  # a state, for its type
+    values: int  # address of inputs and outputs: ROWS for each joint, then NUMBERS
+    period: float  # time between states [s]
 
 
 def law_instance(control: Control, period: float) -> Boxed:
@@ -145,21 +137,13 @@ PLANT_AGE, POSE = 0, 1  # numbers behind them; the pose is the last
 
 
 class PlantInstance(NamedTuple):
-    """A simulated robot with its memory.
+    """A simulated robot with its memory."""
 
-    Attributes:
-        setup: What it is made of, see :class:`PlantSetup`.
-        state: Its state, a KeptValue.
-        like: A state, for its type.
-        values: Address of inputs and outputs: ROWS for each joint, the age, the pose.
-        period: Time between states [s].
-    """
-
-    setup: Any
-    state: int
-    like: PlantState
-    values: int
-    period: float
+    setup: Any  # what it is made of, see :class:`PlantSetup`
+    state: int  # its state, a KeptValue
+    like: PlantState  # a state, for its type
+    values: int  # address of inputs and outputs: ROWS for each joint, the age, the pose
+    period: float  # time between states [s]
 
 
 def plant_instance(plant: Plant, period: float, pose_size: int) -> Boxed:
@@ -213,21 +197,13 @@ def advance(instance: PlantInstance) -> int:
 
 
 class LoopInstance(NamedTuple):
-    """A law, a simulated robot, and the motion that they follow.
+    """A law, a simulated robot, and the motion that they follow."""
 
-    Attributes:
-        law: The law, a boxed LawInstance.
-        plant: The robot, a boxed PlantInstance.
-        position: Desired positions, a row for each state, shape (N, n).
-        velocity: Desired rates, shape (N, n).
-        acceleration: Desired accelerations, shape (N, n).
-    """
-
-    law: Any
-    plant: Any
-    position: Array
-    velocity: Array
-    acceleration: Array
+    law: Any  # the law, a boxed LawInstance
+    plant: Any  # the robot, a boxed PlantInstance
+    position: Array  # desired positions, a row for each state, shape (N, n)
+    velocity: Array  # desired rates, shape (N, n)
+    acceleration: Array  # desired accelerations, shape (N, n)
 
 
 def loop_instance(law: Boxed, plant: Boxed, reference: Reference) -> Boxed:

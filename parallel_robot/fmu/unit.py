@@ -74,17 +74,11 @@ def unit(contents: Contents, name: str, version: int, duration: float) -> bytes:
 
 
 class Code(NamedTuple):
-    """The native code of a unit.
+    """The native code of a unit."""
 
-    Attributes:
-        kernels: Its kernels as an object file.
-        table: The table of its variables, in C.
-        token: What binds its description to it.
-    """
-
-    kernels: bytes
-    table: str
-    token: str
+    kernels: bytes  # its kernels as an object file
+    table: str  # the table of its variables, in C
+    token: str  # what binds its description to it
 
 
 def code_of(contents: Contents) -> Code:

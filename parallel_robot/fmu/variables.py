@@ -22,43 +22,26 @@ SHARE, MORE = 0.25, 0.1  # by which a parameter is changed to see what follows
 
 
 class Variable(NamedTuple):
-    """A variable of a unit.
-
-    Attributes:
-        name: Its name.
-        role: ``input``, ``output``, ``parameter``, which can be changed at any time, ``constant``.
-        kind: ``real``, ``integer`` or ``boolean``.
-        text: What it is.
-        unit: Its unit; empty if it has none.
-        start: Its value at the start; of an output what is there before the first step.
-        low: Smallest value.
-        high: Largest value.
-        address: Where it lies, in this process; of a constant nowhere.
-    """
+    """A variable of a unit."""
 
     name: str
+    # ``input``, ``output``, ``parameter``, which can be changed at any time, ``constant``
     role: str
-    kind: str
-    text: str
-    unit: str
-    start: float
-    low: float = -math.inf
-    high: float = math.inf
-    address: int = 0
+    kind: str  # ``real``, ``integer`` or ``boolean``
+    text: str  # what it is
+    unit: str  # its unit; empty if it has none
+    start: float  # its value at the start; of an output what is there before the first step
+    low: float = -math.inf  # smallest value
+    high: float = math.inf  # largest value
+    address: int = 0  # where it lies, in this process; of a constant nowhere
 
 
 class Rows(NamedTuple):
-    """Numbers of joints in memory, as variables.
+    """Numbers of joints in memory, as variables."""
 
-    Attributes:
-        address: Where row 0 begins.
-        joints: Names of the joints.
-        units: Their units.
-    """
-
-    address: int
-    joints: Sequence[str]
-    units: JointUnits
+    address: int  # where row 0 begins
+    joints: Sequence[str]  # names of the joints
+    units: JointUnits  # their units
 
     def of(self, row: int, name: str, role: str, unit: str, text: str) -> Iterator[Variable]:
         """A variable for each joint, of the unit for hinges."""

@@ -46,14 +46,7 @@ BACK = (10.0, 1000.0, math.inf)  # s before the end, where the last state is loo
 
 
 class BagWindows:
-    """Parts of a bag.
-
-    Attributes:
-        begun: What it holds, with its first states.
-        first: Time of its first state [s].
-        last: Time of its last state [s].
-        last_stamp: Stamp of that [ns].
-    """
+    """Parts of a bag."""
 
     def __init__(self, bag: Path, view: BagView) -> None:
         """Open a bag.
@@ -67,9 +60,11 @@ class BagWindows:
         """
         self._bag, self._view = bag, view
         self._reader = recording.Seekable(bag, motion_only=True, view=view)
+        # what it holds, with its first states
         self.begun = next(recording.chunks(bag, AHEAD, motion_only=True, view=view))
-        self.first = float(self.begun.log.time[0])
+        self.first = float(self.begun.log.time[0])  # time of its first state [s]
         end = self._end()
+        # last: time of its last state [s]; last_stamp: stamp of that [ns]
         self.last, self.last_stamp = float(end.time[-1]), int(end.stamps[-1])
 
     def between(self, begin: float, end: float) -> RunLog | None:

@@ -200,17 +200,11 @@ NAMES = ('trajectory', 'plant', 'controller')
 
 
 class StartedGraph(NamedTuple):
-    """Nodes that move.
+    """Nodes that move."""
 
-    Attributes:
-        processes: Their processes.
-        parameters: What they were given, for a recorder.
-        values: Their configuration.
-    """
-
-    processes: NodeProcesses
-    parameters: dict[str, Any]
-    values: dict[str, Any]
+    processes: NodeProcesses  # their processes
+    parameters: dict[str, Any]  # what they were given, for a recorder
+    values: dict[str, Any]  # their configuration
 
 
 @contextmanager

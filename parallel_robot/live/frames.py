@@ -31,33 +31,20 @@ PATH_STEP = 0.02  # s between two points of the path
 
 
 class Curve(NamedTuple):
-    """A curve of the page.
+    """A curve of the page."""
 
-    Attributes:
-        group: Diagram in which it is drawn: error, joints, torque or ghost.
-        name: Name in the legend.
-    """
-
-    group: str
-    name: str
+    group: str  # diagram in which it is drawn: error, joints, torque or ghost
+    name: str  # name in the legend
 
 
 class Motion(NamedTuple):
-    """Some states of a robot, one row each.
+    """Some states of a robot, one row each."""
 
-    Attributes:
-        time: Since the first state [s], shape (N,).
-        position: Actuated joints [rad], shape (N, n).
-        desired: Their reference [rad], shape (N, n).
-        effort: Torques [N m], shape (N, n).
-        ghost: Torques that another law asks for [N m], NaN where there is none, shape (N, n).
-    """
-
-    time: Array
-    position: Array
-    desired: Array
-    effort: Array
-    ghost: Array
+    time: Array  # since the first state [s], shape (N,)
+    position: Array  # actuated joints [rad], shape (N, n)
+    desired: Array  # their reference [rad], shape (N, n)
+    effort: Array  # torques [N m], shape (N, n)
+    ghost: Array  # torques that another law asks for [N m], NaN where there is none, shape (N, n)
 
     def part(self, rows: slice) -> Motion:
         """Some of them."""
@@ -65,15 +52,7 @@ class Motion(NamedTuple):
 
 
 class Camera:
-    """Turns states of one robot into frames.
-
-    Attributes:
-        parts: Parts of the robot, each name and number of lines; empty without a picture.
-        curves: What the frames hold after the path.
-        number: Of the layout; frames of another camera have another.
-        units: Units of the joints.
-        place: Number of the coordinates of a place.
-    """
+    """Turns states of one robot into frames."""
 
     def __init__(
         self, robot: RobotModel, guess: Array, joints: Sequence[str], number: int = 0
@@ -88,15 +67,17 @@ class Camera:
         """
         self._robot, self._first = robot, guess
         self._guess = guess
-        self.number = number
-        self.units = robot.joint_units
-        self.place = robot.place or len('xy')
+        self.number = number  # of the layout; frames of another camera have another
+        self.units = robot.joint_units  # units of the joints
+        self.place = robot.place or len('xy')  # number of the coordinates of a place
+        # parts of the robot, each name and number of lines; empty without a picture
         self.parts: list[tuple[str, int]] = []
         if robot.place:
             row = np.zeros(len(joints))
             found = robot.module.segments(robot.parameters, guess, row)
             self.parts = [(name, ends.shape[-3]) for name, ends in found.items()]
         groups = (['error'] if robot.place else []) + ['joints', 'torque', 'ghost']
+        # what the frames hold after the path
         self.curves = [
             Curve(group, name)
             for group in groups
@@ -197,25 +178,16 @@ KEPT = 2000  # references
 
 
 class States(NamedTuple):
-    """Some states with their references, one row each.
+    """Some states with their references, one row each."""
 
-    Attributes:
-        stamps: [ns], shape (N,).
-        position: [rad], shape (N, n).
-        velocity: [rad/s], shape (N, n).
-        effort: [N m], shape (N, n).
-        references: When the torques act, NaN where none is recent enough, each shape (N, n).
-        desired: Position of the reference at the stamps [rad], likewise, shape (N, n).
-        anew: Whether another motion begins with them.
-    """
-
-    stamps: NDArray[np.int64]
-    position: Array
-    velocity: Array
-    effort: Array
+    stamps: NDArray[np.int64]  # [ns], shape (N,)
+    position: Array  # [rad], shape (N, n)
+    velocity: Array  # [rad/s], shape (N, n)
+    effort: Array  # [N m], shape (N, n)
+    # when the torques act, NaN where none is recent enough, each shape (N, n)
     references: JointReference
-    desired: Array
-    anew: bool
+    desired: Array  # position of the reference at the stamps [rad], likewise, shape (N, n)
+    anew: bool  # whether another motion begins with them
 
 
 class MotionBuffer:

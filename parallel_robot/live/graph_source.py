@@ -140,13 +140,7 @@ class Graph(Protocol):
 
 
 class Watched:
-    """The robot of a namespace, or the first that is heard.
-
-    Attributes:
-        namespace: Full name of its namespace.
-        parameters: Parameters by node, as they were when they were last looked at.
-        started: Whether its trajectory node was not known before that.
-    """
+    """The robot of a namespace, or the first that is heard."""
 
     def __init__(self, graph: Graph, robots: Robots, namespace: str | None) -> None:
         """Watch.
@@ -157,9 +151,11 @@ class Watched:
             namespace: Full name; None for the first that is heard.
         """
         self._graph, self._robots = graph, robots
+        # full name of its namespace
         self._fixed, self.namespace = namespace is not None, namespace or ''
+        # parameters by node, as they were when they were last looked at
         self.parameters: dict[str, dict[str, Any]] = {}
-        self.started = False
+        self.started = False  # whether its trajectory node was not known before that
         graph.watch(self.namespace)
 
     def changed(self) -> bool:

@@ -42,12 +42,7 @@ class Heard(NamedTuple):
 
 
 class LiveGraph(RosGraph):
-    """Listens to one robot.
-
-    Attributes:
-        parameters: Parameters of the nodes that were asked, by node; empty while not known.
-        descriptions: What they say of their parameters, by node and name.
-    """
+    """Listens to one robot."""
 
     DEPTH = LONGEST
     SERVICES: ClassVar[dict[str, Any]] = {
@@ -62,7 +57,9 @@ class LiveGraph(RosGraph):
     def __init__(self, robots: Robots) -> None:
         """Prepare; reports of the nodes go into `robots`."""
         super().__init__(robots, 'parallel_robot_live')
+        # parameters of the nodes that were asked, by node; empty while not known
         self.parameters: dict[str, dict[str, Any]] = {}
+        # what they say of their parameters, by node and name
         self.descriptions: dict[str, dict[str, Description]] = {}
         self._messages: dict[Topic, list[bytes]] = {topics.JOINT_STATES: [], topics.REFERENCE: []}
         self._readers: dict[tuple[Topic, tuple[str, ...]], JointReader] = {}

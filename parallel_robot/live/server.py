@@ -173,12 +173,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
 
 class LiveServer:
-    """Serves one source.
-
-    Attributes:
-        guard: Who may ask for what.
-        connections: What is held open.
-    """
+    """Serves one source."""
 
     def __init__(self, source: Source, host: str, read_only: bool = False) -> None:
         """Prepare.
@@ -188,6 +183,7 @@ class LiveServer:
             host: Name or address that the server listens on.
             read_only: Whether nothing can be changed by the page.
         """
+        # guard: who may ask for what; connections: what is held open
         self.guard, self.connections = Guard(host), Connections()
         self._source, self._read_only = source, read_only
         self._hub = Hub()

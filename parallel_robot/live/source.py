@@ -19,19 +19,12 @@ class RefusedError(ParallelRobotError):
 
 
 class Description(NamedTuple):
-    """What a node says of a parameter.
+    """What a node says of a parameter."""
 
-    Attributes:
-        text: Its meaning, with the unit in brackets.
-        low: Smallest value, if there is one.
-        high: Largest value, likewise.
-        fixed: Whether it cannot be changed.
-    """
-
-    text: str
-    low: float | None
-    high: float | None
-    fixed: bool = False
+    text: str  # its meaning, with the unit in brackets
+    low: float | None  # smallest value, if there is one
+    high: float | None  # largest value, likewise
+    fixed: bool = False  # whether it cannot be changed
 
 
 class Source(Protocol):

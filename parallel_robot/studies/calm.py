@@ -43,15 +43,10 @@ STEPS, ENOUGH = 60, 1e-10  # doublings, and the relative change after which ther
 
 
 class Calm(NamedTuple):
-    """Least errors by chattering, from the calmest controller to the busiest.
+    """Least errors by chattering, from the calmest controller to the busiest."""
 
-    Attributes:
-        chattering: As the metrics have it [N m], shape (W,).
-        error: Least root mean square error [m], or [rad] without a plane, shape (W,).
-    """
-
-    chattering: Array
-    error: Array
+    chattering: Array  # as the metrics have it [N m], shape (W,)
+    error: Array  # least root mean square error [m], or [rad] without a plane, shape (W,)
 
     def at(self, chattering: float) -> float:
         """Least error with at most some chattering [N m]; NaN where it is calmer than all."""
@@ -66,29 +61,17 @@ class Calm(NamedTuple):
 
 
 class Point(NamedTuple):
-    """The plant with its disturbance and its last torques, held at a point of the motion.
+    """The plant with its disturbance and its last torques, held at a point of the motion."""
 
-    Attributes:
-        transition: From a sample to the next, shape (N, N).
-        torque: What a torque adds to the next, shape (N, n).
-        error: What the error is computed from, shape (p, N).
-        rough: A signal with the mean square of the chattering, by state, shape (n, N).
-        now: And by the present torque.
-        rest: Joint positions, with the weight of the rest, shape (n, N).
-        late: Covariance of the prediction that the controller has, shape (N, N).
-        fresh: Covariance of what it learns in a sample, shape (N, N).
-        motor: Variance of the chattering that the motors themselves add [N^2 m^2].
-    """
-
-    transition: Array
-    torque: Array
-    error: Array
-    rough: Array
-    now: float
-    rest: Array
-    late: Array
-    fresh: Array
-    motor: float
+    transition: Array  # from a sample to the next, shape (N, N)
+    torque: Array  # what a torque adds to the next, shape (N, n)
+    error: Array  # what the error is computed from, shape (p, N)
+    rough: Array  # a signal with the mean square of the chattering, by state, shape (n, N)
+    now: float  # and by the present torque
+    rest: Array  # joint positions, with the weight of the rest, shape (n, N)
+    late: Array  # covariance of the prediction that the controller has, shape (N, N)
+    fresh: Array  # covariance of what it learns in a sample, shape (N, N)
+    motor: float  # variance of the chattering that the motors themselves add [N^2 m^2]
 
 
 def price_of_calm(motion: LinearMotion, noise: Noise, period: float, rest: float = REST) -> Calm:
@@ -272,21 +255,17 @@ CAUSES: dict[str, Callable[[Noise], Noise]] = {
 
 
 class LeastError(NamedTuple):
-    """The least errors of one robot, over the second half of its motion.
+    """The least errors of one robot, over the second half of its motion."""
 
-    Attributes:
-        errors: Root mean square by key of CAUSES [m], or [rad] without a plane.
-        travelled: Distance that the reference travels while a state is late, root mean square [m].
-            A law that believes late states to be new is that far behind. NaN without a plane,
-            and where stamps tell when states were measured, so that no law need believe it.
-        geometry: Error of a robot whose joints, as they are measured, are exactly where they
-            should be: that of its geometry and zero angles alone. NaN where it was not asked for.
-        calm: Least errors by chattering; None where it was not asked for or the limit is zero.
-    """
-
-    errors: dict[str, float]
+    errors: dict[str, float]  # root mean square by key of CAUSES [m], or [rad] without a plane
+    # distance that the reference travels while a state is late, root mean square [m]. A law
+    # that believes late states to be new is that far behind. NaN without a plane, and where
+    # stamps tell when states were measured, so that no law need believe it
     travelled: float
+    # error of a robot whose joints, as they are measured, are exactly where they should be:
+    # that of its geometry and zero angles alone. NaN where it was not asked for
     geometry: float = np.nan
+    # least errors by chattering; None where it was not asked for or the limit is zero
     calm: Calm | None = None
 
 

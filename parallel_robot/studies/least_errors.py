@@ -80,22 +80,14 @@ GEOMETRY = 'joints exact, geometry as it is'
 
 
 class LeastErrors(NamedTuple):
-    """The least errors of some robots.
+    """The least errors of some robots."""
 
-    Attributes:
-        members: Name of a scenario to its robots.
-        planar: Whether errors are those of the end effector [m], not of joints [rad].
-        calm: Whether the price of calm was asked for.
-        warnings: What to know of them, one line each.
-        units: Units of the joints of all robots.
-        rest: Weight of joints that the error does not see in the price of calm, relative.
-    """
-
-    members: Mapping[str, list[LeastError]]
-    planar: bool
-    calm: bool
-    warnings: tuple[str, ...]
-    units: JointUnits = HINGES
+    members: Mapping[str, list[LeastError]]  # name of a scenario to its robots
+    planar: bool  # whether errors are those of the end effector [m], not of joints [rad]
+    calm: bool  # whether the price of calm was asked for
+    warnings: tuple[str, ...]  # what to know of them, one line each
+    units: JointUnits = HINGES  # units of the joints of all robots
+    # weight of joints that the error does not see in the price of calm, relative
     rest: float = REST
 
     def parts(self) -> list[Part]:

@@ -43,20 +43,14 @@ class LinearMotion(NamedTuple):
     """Small deviations from a desired motion, at K points of it.
 
     A deviation has 2c elements: of the coordinates of the plant, then of their rates.
-
-    Attributes:
-        times: Times of the points [s], shape (K,).
-        transition: From a sample to the next without torque, shape (K, 2c, 2c).
-        torque: What a torque held over a period adds to the next sample, shape (K, 2c, n).
-        measured: Joint positions, then velocities, shape (K, 2n, 2c).
-        error: What the error is computed from, shape (K, p, 2c): the end effector's x and y
-            [m], or without a plane the joint positions over the root of their number [rad].
     """
 
-    times: Array
-    transition: Array
-    torque: Array
-    measured: Array
+    times: Array  # times of the points [s], shape (K,)
+    transition: Array  # from a sample to the next without torque, shape (K, 2c, 2c)
+    torque: Array  # what a torque held over a period adds to the next sample, shape (K, 2c, n)
+    measured: Array  # joint positions, then velocities, shape (K, 2n, 2c)
+    # what the error is computed from, shape (K, p, 2c): the end effector's x and y [m], or
+    # without a plane the joint positions over the root of their number [rad]
     error: Array
 
 
@@ -131,23 +125,14 @@ EXACT = (1e-12, 1e-10)  # rad and rad/s, noise of what is measured exactly
 
 
 class Noise(NamedTuple):
-    """What a controller cannot know.
+    """What a controller cannot know."""
 
-    Attributes:
-        position: Standard deviation of the measured positions [rad], shape (n,).
-        velocity: That of the velocities [rad/s], shape (n,); inf where they tell nothing new.
-        disturbance: Standard deviation of the disturbance [N m], shape (n,).
-        memory: Share of the disturbance that is left after a period.
-        motor: Standard deviation of the noise of the motors [N m], shape (n,).
-        late: Samples from a measurement to the torque that is computed from it.
-    """
-
-    position: Array
-    velocity: Array
-    disturbance: Array
-    memory: float
-    motor: Array
-    late: int
+    position: Array  # standard deviation of the measured positions [rad], shape (n,)
+    velocity: Array  # that of the velocities [rad/s], shape (n,); inf where they tell nothing new
+    disturbance: Array  # standard deviation of the disturbance [N m], shape (n,)
+    memory: float  # share of the disturbance that is left after a period
+    motor: Array  # standard deviation of the noise of the motors [N m], shape (n,)
+    late: int  # samples from a measurement to the torque that is computed from it
 
     def moves(self) -> bool:
         """Whether anything unknown moves the robot; if not, its state at the start tells all."""

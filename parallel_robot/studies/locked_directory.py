@@ -20,26 +20,17 @@ Self = TypeVar('Self', bound='LockedDirectory')  # typing has it from Python 3.1
 
 
 class LockedDirectory(abc.ABC):
-    """A context manager that holds the lock of a directory with a manifest.
+    """A context manager that holds the lock of a directory with a manifest."""
 
-    Attributes:
-        KIND: What it holds the results of.
-        MANIFEST: File that tells whose results these are.
-        FIRST: What else may be there before the manifest is.
-        FORMAT: Entry ``format`` of the manifest.
-        directory: The directory.
-        new: Whether it had no manifest when it was opened.
-    """
-
-    KIND: ClassVar[str]
-    MANIFEST: ClassVar[str]
-    FIRST: ClassVar[Collection[str]] = ()
-    FORMAT: ClassVar[str]
+    KIND: ClassVar[str]  # what it holds the results of
+    MANIFEST: ClassVar[str]  # file that tells whose results these are
+    FIRST: ClassVar[Collection[str]] = ()  # what else may be there before the manifest is
+    FORMAT: ClassVar[str]  # entry ``format`` of the manifest
 
     def __init__(self, directory: Path) -> None:
         """Prepare to open `directory`."""
-        self.directory = directory
-        self.new = False
+        self.directory = directory  # the directory
+        self.new = False  # whether it had no manifest when it was opened
         self._lock: IO[str] | None = None
 
     def __enter__(self: Self) -> Self:

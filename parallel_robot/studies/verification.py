@@ -50,17 +50,11 @@ PLANT = {  # as exact as MuJoCo's integration
 
 
 class Difference(NamedTuple):
-    """The largest difference of the poses of a robot.
+    """The largest difference of the poses of a robot."""
 
-    Attributes:
-        robot: Its number.
-        largest: [m] or [rad], over the whole motion.
-        path: Length of the motion of the pose, largest coordinate [m] or [rad].
-    """
-
-    robot: int
-    largest: float
-    path: float
+    robot: int  # its number
+    largest: float  # [m] or [rad], over the whole motion
+    path: float  # length of the motion of the pose, largest coordinate [m] or [rad]
 
 
 def check_numbers(robots: int, seed: int, duration: float, before: str = '') -> None:

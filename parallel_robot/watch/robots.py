@@ -54,19 +54,12 @@ OK, WARNING, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
 
 
 class Report(NamedTuple):
-    """The newest diagnostics of a node.
+    """The newest diagnostics of a node."""
 
-    Attributes:
-        time: When they were heard [s].
-        level: 0 ok, 1 warning, 2 error.
-        text: The message.
-        values: Key to value.
-    """
-
-    time: float
-    level: int
-    text: str
-    values: dict[str, str]
+    time: float  # when they were heard [s]
+    level: int  # 0 ok, 1 warning, 2 error
+    text: str  # the message
+    values: dict[str, str]  # key to value
 
 
 class EffectorError(NamedTuple):
@@ -85,24 +78,21 @@ class Point(NamedTuple):
 
 
 class Robot:
-    """One robot: the nodes of one namespace.
-
-    Attributes:
-        nodes: Name of each node, without namespace, to its newest report.
-        law: The active law; empty while it is not known.
-        fault: Text of the fault, 'none', or empty.
-        limits: The limits that acted, 'none', or empty.
-        planar: Whether poses were ever heard: only robots that move in a plane publish them.
-        error: Error of the end effector between the last two looks; None when there were no poses.
-        history: Root mean squares of earlier looks [m], the newest last; NaN without poses.
-    """
+    """One robot: the nodes of one namespace."""
 
     def __init__(self) -> None:
         """Begin without any knowledge."""
+        # name of each node, without namespace, to its newest report
         self.nodes: dict[str, Report] = {}
+        # law: the active law; empty while it is not known; fault: text of the fault,
+        # 'none', or empty; limits: the limits that acted, 'none', or empty
         self.law = self.fault = self.limits = ''
+        # whether poses were ever heard: only robots that move in a plane publish them
         self.planar = False
+        # error of the end effector between the last two looks; None when there were no
+        # poses
         self.error: EffectorError | None = None
+        # root mean squares of earlier looks [m], the newest last; NaN without poses
         self.history: deque[float] = deque(maxlen=HISTORY)
         self._joints: tuple[JointAngle, ...] = ()
         self._joints_heard = -math.inf  # s

@@ -90,25 +90,15 @@ class EstimatorParameters(NamedTuple):
 
 
 class Estimator(NamedTuple):
-    """The parameters as the kernels take them.
+    """The parameters as the kernels take them."""
 
-    Attributes:
-        kind: Number of the kind.
-        zero_angle: What is taken off the measured positions [rad], shape (n,).
-        bandwidth: Of the filter [Hz].
-        acceleration: Bound of the accelerations [rad/s^2], shape (n,).
-        delay: Age of the states that their stamps do not tell [s].
-        kalman: The Kalman filter; used if it is the kind.
-        lock_in: What identifies the delay.
-    """
-
-    kind: int
-    zero_angle: Array
-    bandwidth: float
-    acceleration: Array
-    delay: float
-    kalman: Kalman
-    lock_in: LockIn
+    kind: int  # number of the kind
+    zero_angle: Array  # what is taken off the measured positions [rad], shape (n,)
+    bandwidth: float  # of the filter [Hz]
+    acceleration: Array  # bound of the accelerations [rad/s^2], shape (n,)
+    delay: float  # age of the states that their stamps do not tell [s]
+    kalman: Kalman  # the Kalman filter; used if it is the kind
+    lock_in: LockIn  # what identifies the delay
 
 
 class Estimated(NamedTuple):
@@ -276,17 +266,11 @@ def estimated(
 
 
 class Observed(NamedTuple):
-    """What the observer keeps from one state to the next, each shape (n,).
+    """What the observer keeps from one state to the next, each shape (n,)."""
 
-    Attributes:
-        momentum: Generalised momentum p = M qd [N m s].
-        drift: Rate of the momentum without any torque, C^T qd - g [N m].
-        residual: External torque r, as far as it is known [N m].
-    """
-
-    momentum: Array
-    drift: Array
-    residual: Array
+    momentum: Array  # generalised momentum p = M qd [N m s]
+    drift: Array  # rate of the momentum without any torque, C^T qd - g [N m]
+    residual: Array  # external torque r, as far as it is known [N m]
 
 
 @inner

@@ -56,53 +56,30 @@ DRIFT = 0.01  # 1/s, of the variances of constant disturbance and dry friction, 
 
 
 class Kalman(NamedTuple):
-    """The filter as the kernels take it; variances have shape (n,).
+    """The filter as the kernels take it; variances have shape (n,)."""
 
-    Attributes:
-        period: Of the samples [s].
-        command_delay: From a command until it acts [s].
-        lag: Time constant of the motors after that [s].
-        velocities: Whether measured velocities are used.
-        position: Variance of the measured positions [rad^2].
-        velocity: Of the measured velocities [(rad/s)^2].
-        disturbance: Of w [(N m)^2].
-        bandwidth: b [1/s].
-        offset: Of c before it is known [(N m)^2].
-        coulomb: Of f before it is known [(N m)^2].
-        levels: Time over which the first three variances are found [s]; 0: they are as given.
-        memory: Address of its memory, see kalman.py.
-    """
-
-    period: float
-    command_delay: float
-    lag: float
-    velocities: bool
-    position: Array
-    velocity: Array
-    disturbance: Array
-    bandwidth: float
-    offset: Array
-    coulomb: Array
-    levels: float
-    memory: int
+    period: float  # of the samples [s]
+    command_delay: float  # from a command until it acts [s]
+    lag: float  # time constant of the motors after that [s]
+    velocities: bool  # whether measured velocities are used
+    position: Array  # variance of the measured positions [rad^2]
+    velocity: Array  # of the measured velocities [(rad/s)^2]
+    disturbance: Array  # of w [(N m)^2]
+    bandwidth: float  # b [1/s]
+    offset: Array  # of c before it is known [(N m)^2]
+    coulomb: Array  # of f before it is known [(N m)^2]
+    levels: float  # time over which the first three variances are found [s]; 0: they are as given
+    memory: int  # address of its memory, see kalman.py
 
 
 class Mean(NamedTuple):
-    """What is known of the joints, each shape (n,).
+    """What is known of the joints, each shape (n,)."""
 
-    Attributes:
-        position: q [rad].
-        velocity: v [rad/s].
-        disturbance: w [N m].
-        offset: c [N m].
-        coulomb: f [N m].
-    """
-
-    position: Array
-    velocity: Array
-    disturbance: Array
-    offset: Array
-    coulomb: Array
+    position: Array  # q [rad]
+    velocity: Array  # v [rad/s]
+    disturbance: Array  # w [N m]
+    offset: Array  # c [N m]
+    coulomb: Array  # f [N m]
 
 
 class Variance(NamedTuple):
@@ -369,17 +346,11 @@ def begin(
 
 
 class Predicted(NamedTuple):
-    """The joints when the torque acts, each shape (n,).
+    """The joints when the torque acts, each shape (n,)."""
 
-    Attributes:
-        position: [rad].
-        velocity: [rad/s].
-        disturbance: Torque against the motors that the model does not know, w + c + f s [N m].
-    """
-
-    position: Array
-    velocity: Array
-    disturbance: Array
+    position: Array  # [rad]
+    velocity: Array  # [rad/s]
+    disturbance: Array  # torque against the motors that the model does not know, w + c + f s [N m]
 
 
 @kernel

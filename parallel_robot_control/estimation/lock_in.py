@@ -39,27 +39,16 @@ Y_COS, Y_SIN, A_COS, A_SIN, AGE, SOUND, DELAY, OF_JOINTS, ROWS = range(4, 13)  #
 
 
 class LockIn(NamedTuple):
-    """The lock-in as the kernels take it.
+    """The lock-in as the kernels take it."""
 
-    Attributes:
-        on: Whether the delay is to be identified.
-        period: Of the samples [s].
-        torque: Amplitudes of the sine [N m], shape (n,).
-        frequency: W, its angular frequency [rad/s].
-        start: Samples before it begins.
-        length: Samples that it lasts.
-        most: Largest delay that can be predicted [s].
-        memory: Address of its memory, ROWS vectors of shape (n,).
-    """
-
-    on: bool
-    period: float
-    torque: Array
-    frequency: float
-    start: int
-    length: int
-    most: float
-    memory: int
+    on: bool  # whether the delay is to be identified
+    period: float  # of the samples [s]
+    torque: Array  # amplitudes of the sine [N m], shape (n,)
+    frequency: float  # W, its angular frequency [rad/s]
+    start: int  # samples before it begins
+    length: int  # samples that it lasts
+    most: float  # largest delay that can be predicted [s]
+    memory: int  # address of its memory, ROWS vectors of shape (n,)
 
 
 @inner
@@ -272,19 +261,12 @@ def lock_in_of(
 
 
 class Result(NamedTuple):
-    """What has been found.
+    """What has been found."""
 
-    Attributes:
-        phase: OFF, WAITING (or under way), FOUND or KEPT.
-        delay: The delay, found or assumed [s]; 0 before the end.
-        of_joints: What each joint tells by itself [s], shape (n,).
-        end: The first sample after the end, counted from the first state; 0 before it.
-    """
-
-    phase: int
-    delay: float
-    of_joints: Array
-    end: int
+    phase: int  # OFF, WAITING (or under way), FOUND or KEPT
+    delay: float  # the delay, found or assumed [s]; 0 before the end
+    of_joints: Array  # what each joint tells by itself [s], shape (n,)
+    end: int  # the first sample after the end, counted from the first state; 0 before it
 
 
 def result(lock_in: LockIn) -> Result:

@@ -200,17 +200,11 @@ class Gains(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the suite remembers of a foreign law, which has a memory of its own.
+    """What the suite remembers of a foreign law, which has a memory of its own."""
 
-    Attributes:
-        channel: Address of the memory of its channel.
-        session: Number of who asks.
-        number: Of the next question; 0: the law begins anew.
-    """
-
-    channel: int
-    session: int
-    number: int
+    channel: int  # address of the memory of its channel
+    session: int  # number of who asks
+    number: int  # of the next question; 0: the law begins anew
 
 
 distinguish(Gains, Memory)

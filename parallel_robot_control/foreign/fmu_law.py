@@ -209,13 +209,7 @@ TAKEN_OFF = 'estimator.zero_angle'  # of an exported law: the cycle around it ta
 
 
 class FmuLaw:
-    """An FMU that is loaded and initialised.
-
-    Attributes:
-        period: The length of its steps [s]; 0 if it takes any.
-        multiples: Whether it takes multiples of it, too.
-        aged: Whether it takes the age of the state.
-    """
+    """An FMU that is loaded and initialised."""
 
     def __init__(self, task: Any, question: Any, answer: Any) -> None:
         """Load it.
@@ -253,8 +247,9 @@ class FmuLaw:
         any_step = runs.canHandleVariableCommunicationStepSize
         usual = described.defaultExperiment and described.defaultExperiment.stepSize
         own = runs.fixedInternalStepSize or (0.0 if any_step else usual)
+        # the length of its steps [s]; 0 if it takes any
         self.period = float(task['names'].get('step', own) or 0.0)
-        self.multiples = bool(any_step)
+        self.multiples = bool(any_step)  # whether it takes multiples of it, too
         self._variables = {variable.name: variable for variable in described.modelVariables}
         groups = {group: names_given(task['names'], group) for group in NAME_GROUPS}
         self._inputs = self._named(groups['inputs'], 'input', INPUTS)
@@ -265,7 +260,7 @@ class FmuLaw:
             raise InputError(self._without('output', 'torque'))
         self._fault = self._alone(groups['outputs'], 'output', FAULT_NAME, NUMBERS)
         self._age = self._alone(groups['inputs'], 'input', AGE_NAME, FLOATS)
-        self.aged = self._age is not None
+        self.aged = self._age is not None  # whether it takes the age of the state
         own = (self._variables.get(f'{TAKEN_OFF}[{k + 1}]') for k in range(self._joints))
         zeros = {each.name: 0.0 for each in own if each and each.causality == 'parameter'}
         groups['parameters'] = zeros | groups['parameters']

@@ -22,12 +22,7 @@ _sessions = itertools.count(1)
 
 
 class ForeignLaw:
-    """A C function or an FMU as a law, see docs/c_law.md and docs/fmu.md.
-
-    Attributes:
-        path: Its file.
-        Gains: The class of its gains.
-    """
+    """A C function or an FMU as a law, see docs/c_law.md and docs/fmu.md."""
 
     def __init__(
         self, path: str, sha256: str, names: Mapping[str, Any] = MappingProxyType({})
@@ -39,7 +34,8 @@ class ForeignLaw:
             sha256: What the file must be.
             names: What an FMU calls what, see :mod:`parallel_robot_control.foreign.fmu_law`.
         """
-        self.path, self.sha256, self.names = path, sha256, names
+        self.path, self.sha256, self.names = path, sha256, names  # its file
+        # the class of its gains
         self.Gains = gains_class(names.get('gains', {}), f'foreign_{_digest(sha256, names)}')
         self.update = update
         self._channel: Channel | None = None

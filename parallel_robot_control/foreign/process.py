@@ -78,17 +78,11 @@ KINDS = {'.so': 'c_law', '.fmu': 'fmu_law'}  # modules, each with a Loaded, by s
 
 
 class Loaded(Protocol):
-    """A foreign law that is loaded.
+    """A foreign law that is loaded."""
 
-    Attributes:
-        period: The period that it must have [s]; 0 if it takes any.
-        multiples: Whether multiples of it will do, too.
-        aged: Whether it takes the age of the state, with the reference of now.
-    """
-
-    period: float
-    multiples: bool
-    aged: bool
+    period: float  # the period that it must have [s]; 0 if it takes any
+    multiples: bool  # whether multiples of it will do, too
+    aged: bool  # whether it takes the age of the state, with the reference of now
 
     def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """Answer the question in memory: the number of a fault of its own, 0 without one.

@@ -34,31 +34,19 @@ def judge(gains: Gains) -> list[str]:
 
 
 class Observer(NamedTuple):
-    """State of the extended state observer, each shape (n,).
+    """State of the extended state observer, each shape (n,)."""
 
-    Attributes:
-        position: z1 [rad].
-        rate: z2 [rad/s].
-        disturbance: z3, the acceleration that the model does not explain [rad/s^2].
-    """
-
-    position: Array
-    rate: Array
-    disturbance: Array
+    position: Array  # z1 [rad]
+    rate: Array  # z2 [rad/s]
+    disturbance: Array  # z3, the acceleration that the model does not explain [rad/s^2]
 
 
 class Memory(NamedTuple):
-    """The last sample.
+    """The last sample."""
 
-    Attributes:
-        observer: State of the observer.
-        acceleration: u, the demanded acceleration [rad/s^2], shape (n,).
-        started: 0 before the first update, then 1.
-    """
-
-    observer: Observer
-    acceleration: Array
-    started: float
+    observer: Observer  # state of the observer
+    acceleration: Array  # u, the demanded acceleration [rad/s^2], shape (n,)
+    started: float  # 0 before the first update, then 1
 
 
 def initial_memory(joints: int) -> Memory:

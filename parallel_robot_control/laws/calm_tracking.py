@@ -27,15 +27,10 @@ class Gains(NamedTuple):
 
 
 class Memory(NamedTuple):
-    """What the law keeps.
+    """What the law keeps."""
 
-    Attributes:
-        slow: Disturbance behind a low-pass filter [N m], shape (n,).
-        begun: Whether there is one.
-    """
-
-    slow: Array
-    begun: bool
+    slow: Array  # disturbance behind a low-pass filter [N m], shape (n,)
+    begun: bool  # whether there is one
 
 
 def initial_memory(joints: int) -> Memory:

@@ -66,21 +66,13 @@ def judge(gains: Any) -> list[str]:
 
 
 class Memory(NamedTuple):
-    """Integrals and the last sample of v.
+    """Integrals and the last sample of v."""
 
-    Attributes:
-        coupling: int De dt [rad s].
-        surface: int Gamma2 sig(e_c') + Gamma1 sig(e_c) dt [rad/s].
-        switching: tau_sw [rad/s^2].
-        v: The integral form of S at the last sample [rad/s], shape (n,).
-        started: 0 before the first update, then 1.
-    """
-
-    coupling: Integral
-    surface: Integral
-    switching: Integral
-    v: Array
-    started: float
+    coupling: Integral  # int De dt [rad s]
+    surface: Integral  # int Gamma2 sig(e_c') + Gamma1 sig(e_c) dt [rad/s]
+    switching: Integral  # tau_sw [rad/s^2]
+    v: Array  # the integral form of S at the last sample [rad/s], shape (n,)
+    started: float  # 0 before the first update, then 1
 
 
 def initial_memory(joints: int) -> Memory:

@@ -57,19 +57,12 @@ def judge(gains: Gains) -> list[str]:
 
 
 class Memory(NamedTuple):
-    """The integral of the coupling, and the last sample, each shape (n,).
+    """The integral of the coupling, and the last sample, each shape (n,)."""
 
-    Attributes:
-        coupling: int De dt [rad s].
-        torque: Demanded torque [N m].
-        velocity: Measured rates [rad/s].
-        started: 0 before the first update, then 1.
-    """
-
-    coupling: Integral
-    torque: Array
-    velocity: Array
-    started: float
+    coupling: Integral  # int De dt [rad s]
+    torque: Array  # demanded torque [N m]
+    velocity: Array  # measured rates [rad/s]
+    started: float  # 0 before the first update, then 1
 
 
 def initial_memory(joints: int) -> Memory:

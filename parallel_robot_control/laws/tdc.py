@@ -42,17 +42,11 @@ def judge(gains: Gains) -> list[str]:
 
 
 class Memory(NamedTuple):
-    """The last sample, each shape (n,).
+    """The last sample, each shape (n,)."""
 
-    Attributes:
-        torque: Demanded torque [N m].
-        velocity: Measured rates [rad/s].
-        started: 0 before the first update, then 1.
-    """
-
-    torque: Array
-    velocity: Array
-    started: float
+    torque: Array  # demanded torque [N m]
+    velocity: Array  # measured rates [rad/s]
+    started: float  # 0 before the first update, then 1
 
 
 def initial_memory(joints: int) -> Memory:

@@ -110,19 +110,13 @@ FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers ma
 
 
 class Arrival(NamedTuple):
-    """What became of the last torque.
+    """What became of the last torque."""
 
-    Attributes:
-        missing: Torque commanded less torque that acted [N m], shape (n,); zero where it acted.
-        spell: For how long torque has been missing [s]; 0 while it acts.
-        back: Whether the law begins anew: torque acts again after a spell, or has never acted.
-        waits: Whether no torque has acted since the start: drives may be enabled late.
-    """
-
+    # torque commanded less torque that acted [N m], shape (n,); zero where it acted
     missing: Array
-    spell: float
-    back: bool
-    waits: bool
+    spell: float  # for how long torque has been missing [s]; 0 while it acts
+    back: bool  # whether the law begins anew: torque acts again after a spell, or has never acted
+    waits: bool  # whether no torque has acted since the start: drives may be enabled late
 
 
 @inner

@@ -136,23 +136,14 @@ def _unless_off(tolerance: Any) -> Array:
 
 
 class Last(NamedTuple):
-    """Measurements and output of the cycle before, each shape (n,).
+    """Measurements and output of the cycle before, each shape (n,)."""
 
-    Attributes:
-        position: Measured angles [rad].
-        reference: Desired angles [rad].
-        torque: Torque applied [N m].
-        offset: Subtracted from the demanded torque; fades to zero after a take-over [N m].
-        takes_over: Whether the next torque must continue from `torque`.
-        known: Whether `position` and `reference` were measured.
-    """
-
-    position: Array
-    reference: Array
-    torque: Array
-    offset: Array
-    takes_over: bool
-    known: bool
+    position: Array  # measured angles [rad]
+    reference: Array  # desired angles [rad]
+    torque: Array  # torque applied [N m]
+    offset: Array  # subtracted from the demanded torque; fades to zero after a take-over [N m]
+    takes_over: bool  # whether the next torque must continue from `torque`
+    known: bool  # whether `position` and `reference` were measured
 
 
 @kernel

@@ -57,31 +57,22 @@ class ParallelRobotError(Exception):
 
 
 class InputError(ParallelRobotError):
-    """A value from outside is wrong; the text names the value and what would be right.
-
-    Attributes:
-        key: Key of the parameter, or of the group of parameters, that is wrong; empty if it is
-            none. Whoever knows where it was set puts the place in front of the text.
-    """
+    """A value from outside is wrong; the text names the value and what would be right."""
 
     def __init__(self, text: str = '', key: str = '') -> None:
+        # key of the parameter, or of the group of parameters, that is wrong; empty if it
+        # is none. Whoever knows where it was set puts the place in front of the text
         self.key = key
         super().__init__(text)
 
 
 class UnknownNameError(InputError):
-    """A name that does not exist.
-
-    Attributes:
-        kind: What the name should have been, e.g. ``'scenario'``.
-        name: The name as it was given.
-        choices: The names that exist.
-    """
+    """A name that does not exist."""
 
     def __init__(self, kind: str, name: str, choices: Iterable[str], key: str = '') -> None:
-        self.kind = kind
-        self.name = name
-        self.choices = sorted(choices)
+        self.kind = kind  # what the name should have been, e.g. ``'scenario'``
+        self.name = name  # the name as it was given
+        self.choices = sorted(choices)  # the names that exist
         name = printable(name)
         alike = [choice for choice in self.choices if _letters(choice) == _letters(name)]
         near = alike or difflib.get_close_matches(name, self.choices, n=1, cutoff=NEAR)
@@ -102,15 +93,11 @@ class RobotError(InputError):
 
 
 class MotionError(InputError):
-    """A motion that the robot cannot perform.
-
-    Attributes:
-        time: When it fails first [s].
-        part: Which of the robot's parts fails, 1-based; None if it is the whole robot.
-    """
+    """A motion that the robot cannot perform."""
 
     def __init__(self, reason: str, time: float, where: str, part: int | None = None) -> None:
-        self.time = time
+        self.time = time  # when it fails first [s]
+        # which of the robot's parts fails, 1-based; None if it is the whole robot
         self.part = part
         where = where if part is None else f'{where} {part}'
         super().__init__(f'motion refused at t = {time:.3f} s, {where}: {reason}')
@@ -133,14 +120,10 @@ class RunError(ParallelRobotError):
 
 
 class StoppedError(ParallelRobotError):
-    """A signal that asks a command to end.
-
-    Attributes:
-        signal: Its number.
-        exit_code: What shells expect of a program that it ends.
-    """
+    """A signal that asks a command to end."""
 
     def __init__(self, number: int) -> None:
+        # signal: its number; exit_code: what shells expect of a program that it ends
         self.signal, self.exit_code = number, 128 + number
         super().__init__(f'stopped by {Signals(number).name}')
 

@@ -26,21 +26,14 @@ LATEX = str.maketrans(
 
 
 class Table(NamedTuple):
-    """A table of texts.
+    """A table of texts."""
 
-    Attributes:
-        head: Headings of the columns; a line break in one shows in text alone.
-        rows: The rows; the last cell of one that is shorter reaches over the columns left.
-        align: 'l' or 'r' for each column; the last one is that of all others.
-        bare: Whether it has no head in text.
-        widest: Characters of a column of text; what is wider sticks out.
-    """
-
-    head: Sequence[str]
+    head: Sequence[str]  # headings of the columns; a line break in one shows in text alone
+    # the rows; the last cell of one that is shorter reaches over the columns left
     rows: Sequence[Sequence[str]]
-    align: str = 'lr'
-    bare: bool = False
-    widest: int = 80
+    align: str = 'lr'  # 'l' or 'r' for each column; the last one is that of all others
+    bare: bool = False  # whether it has no head in text
+    widest: int = 80  # characters of a column of text; what is wider sticks out
 
     @property
     def sides(self) -> str:

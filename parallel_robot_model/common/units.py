@@ -28,13 +28,9 @@ BRACKETS = re.compile(r'\[([^]]*)\]')
 
 
 class JointUnits(NamedTuple):
-    """The units of some joints, asked for by those of hinges.
+    """The units of some joints, asked for by those of hinges."""
 
-    Attributes:
-        slides: Whether each joint is a slide; empty: all are hinges.
-    """
-
-    slides: tuple[bool, ...] = ()
+    slides: tuple[bool, ...] = ()  # whether each joint is a slide; empty: all are hinges
 
     def of(self, unit: str) -> str:
         """Unit of all joints, where that of hinges is `unit`; both where they differ.

@@ -87,17 +87,13 @@ class FirstClass:
 
     A kernel that takes one is compiled once for the signature, not again for every function, and
     calls the very code that a direct call runs.
-
-    Attributes:
-        function: The kernel.
-        compiled: What Numba has made of it; not there where kernels are interpreted.
     """
 
-    compiled: Any
+    compiled: Any  # what Numba has made of it; not there where kernels are interpreted
 
     def __init__(self, function: Callable[..., Any], *example: Any) -> None:
         """Compile `function` for the types of the `example` arguments."""
-        self.function = function
+        self.function = function  # the kernel
         if INTERPRETED:
             return
         dispatcher = cast(Any, function)
@@ -163,12 +159,7 @@ class _BoxedModel(models.OpaqueModel):  # type: ignore[misc]
 
 
 class Boxed:
-    """A tuple, and where it lies in memory; it must outlive the kernels that have it.
-
-    Attributes:
-        value: The tuple.
-        address: Address of its copy in memory.
-    """
+    """A tuple, and where it lies in memory; it must outlive the kernels that have it."""
 
     def __init__(self, value: Any, kind: Any = None) -> None:
         """Copy a tuple into memory; texts in it are kept while the process lives.
@@ -177,7 +168,7 @@ class Boxed:
             value: The tuple.
             kind: Its type for kernels: ANY; None: that of the tuple.
         """
-        self.value = value
+        self.value = value  # the tuple
         if INTERPRETED:
             self.value, self._numba_type_ = divisible(value), ANY
             return
@@ -187,7 +178,7 @@ class Boxed:
         room = _room(value) if layout is None else layout.itemsize
         self._memory = np.zeros(room + ALIGNMENT, np.uint8)
         begin = -self._memory.ctypes.data % ALIGNMENT
-        self.address = self._memory.ctypes.data + begin
+        self.address = self._memory.ctypes.data + begin  # address of its copy in memory
         if layout is None:
             _store(value, self.address)
         else:

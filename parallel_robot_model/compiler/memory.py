@@ -28,13 +28,9 @@ _WORD = ir.IntType(64)
 
 
 class KeptValue(int):
-    """Address of a value that has a plain_type, which lives as long as this.
+    """Address of a value that has a plain_type, which lives as long as this."""
 
-    Attributes:
-        first: The value that it begins with.
-    """
-
-    first: Any
+    first: Any  # the value that it begins with
     _bytes: Any
     _number: Any
     _values: list[Any]
@@ -178,11 +174,7 @@ _DOUBLE = ir.DoubleType().as_pointer()
 
 
 class Space(int):
-    """Address of floats, which live as long as it does.
-
-    Attributes:
-        floats: The floats.
-    """
+    """Address of floats, which live as long as it does."""
 
     floats: np.ndarray
 

@@ -27,34 +27,21 @@ CODE = 2  # word of a FirstClass that kernels call without Python
 
 
 class Leaf(NamedTuple):
-    """A value that is no tuple, in memory.
+    """A value that is no tuple, in memory."""
 
-    Attributes:
-        address: Where it lies.
-        kind: Its type.
-        value: Itself.
-    """
-
-    address: int
-    kind: Any
-    value: Any
+    address: int  # where it lies
+    kind: Any  # its type
+    value: Any  # itself
 
 
 class Image(NamedTuple):
-    """Memory as bytes; what lies in it is told by the number of bytes before it.
+    """Memory as bytes; what lies in it is told by the number of bytes before it."""
 
-    Attributes:
-        content: The bytes; where an address belongs, they are zero.
-        root: Where the boxed tuple lies.
-        pointers: Where an address lies, and what lies at that address.
-        code: Where the address of a kernel lies, and the kernel.
-        blocks: Address, size and place of each piece of the memory that was copied.
-    """
-
-    content: bytes
-    root: int
-    pointers: tuple[tuple[int, int], ...]
-    code: tuple[tuple[int, FirstClass], ...]
+    content: bytes  # the bytes; where an address belongs, they are zero
+    root: int  # where the boxed tuple lies
+    pointers: tuple[tuple[int, int], ...]  # where an address lies, and what lies at that address
+    code: tuple[tuple[int, FirstClass], ...]  # where the address of a kernel lies, and the kernel
+    # address, size and place of each piece of the memory that was copied
     blocks: tuple[tuple[int, int, int], ...]
 
     def place_of(self, address: int) -> int:
@@ -187,14 +174,10 @@ class NativeObject(NamedTuple):
     ``image_pointers`` of ``image_pointer_count`` pairs; ``image_code_places`` and ``image_code``
     of ``image_code_count``. A function returns what its kernel does, or a number below 0 if it
     raised.
-
-    Attributes:
-        content: The file, ELF.
-        image: The memory.
     """
 
-    content: bytes
-    image: Image
+    content: bytes  # the file, ELF
+    image: Image  # the memory
 
 
 def native_object(entries: Mapping[str, Callable[..., int]], root: Boxed) -> NativeObject:

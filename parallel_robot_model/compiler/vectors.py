@@ -79,14 +79,11 @@ def aligned(values: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 class VectorType(types.Type):  # type: ignore[misc]
-    """Numba's type of a vector.
-
-    Attributes:
-        count: Number of its elements.
-        element: Type of an element: a scalar or a vector.
-    """
+    """Numba's type of a vector."""
 
     def __init__(self, count: int, element: Any) -> None:
+        # count: number of its elements; element: type of an element: a scalar or a
+        # vector
         self.count, self.element = count, element
         super().__init__(f'Vector({count}, {element})')
 

@@ -76,17 +76,11 @@ def _parsed(path: Path, _changed: int) -> dict[str, Any]:
 
 
 class Shipped(NamedTuple):
-    """The parameters that the suite ships, each file as a layer: its label, its keys and values.
+    """The parameters that the suite ships, each file as a layer: label, keys and values."""
 
-    Attributes:
-        defaults: Defaults of all that has no file of its own.
-        laws: By name of the law.
-        robots: By name of the robot.
-    """
-
-    defaults: Layer
-    laws: dict[str, Layer]
-    robots: dict[str, Layer]
+    defaults: Layer  # defaults of all that has no file of its own
+    laws: dict[str, Layer]  # by name of the law
+    robots: dict[str, Layer]  # by name of the robot
 
 
 def shipped() -> Shipped:

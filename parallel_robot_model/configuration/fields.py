@@ -38,19 +38,12 @@ PerLink = NewType(
 
 
 class Field(NamedTuple):
-    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``.
+    """What a parameter means; stands in the annotation: ``Annotated[float, Field('m', ...)]``."""
 
-    Attributes:
-        unit: Unit of the value.
-        description: Meaning in a few words.
-        low: Smallest value.
-        high: Largest value.
-    """
-
-    unit: str
-    description: str
-    low: float = -math.inf
-    high: float = math.inf
+    unit: str  # unit of the value
+    description: str  # meaning in a few words
+    low: float = -math.inf  # smallest value
+    high: float = math.inf  # largest value
 
 
 class Parameter(NamedTuple):

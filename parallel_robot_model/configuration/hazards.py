@@ -58,21 +58,13 @@ KINDS = {
 
 
 class Hazard(NamedTuple):
-    """Something that happens to the loop.
+    """Something that happens to the loop."""
 
-    Attributes:
-        what: Its kind.
-        at: When it begins, since the start of the motion [s].
-        lasts: How long [s].
-        joint: Name of the joint; empty where it is about all.
-        size: Size, limit or delay, in the unit of the kind.
-    """
-
-    what: str
-    at: float
-    lasts: float = 0.0
-    joint: str = ''
-    size: float = 0.0
+    what: str  # its kind
+    at: float  # when it begins, since the start of the motion [s]
+    lasts: float = 0.0  # how long [s]
+    joint: str = ''  # name of the joint; empty where it is about all
+    size: float = 0.0  # size, limit or delay, in the unit of the kind
 
     @property
     def end(self) -> float:
@@ -208,12 +200,7 @@ REFUSED = 0.1  # s, for which all states are refused before that is a fault
 
 
 class HazardTimes:
-    """The hazards of a loop by sample, counted from the start of its motion.
-
-    Attributes:
-        clears: Samples from which on the next state comes after a call of ``~/clear_fault``.
-        renewals: Samples from which on the next state is the first that a new controller hears.
-    """
+    """The hazards of a loop by sample, counted from the start of its motion."""
 
     def __init__(self, hazards: Sequence[Hazard], period: float, state_age: float) -> None:
         """Take the hazards.
@@ -233,7 +220,9 @@ class HazardTimes:
             for each, begin, end in times
             for sign in SIGNS.get(each.what, ())
         ]
+        # samples from which on the next state comes after a call of ``~/clear_fault``
         self.clears = sorted(begin for each, begin, _ in times if each.what == 'clear_fault')
+        # samples from which on the next state is the first that a new controller hears
         self.renewals = sorted(
             end for each, _, end in times if each.what == 'controller_restarted'
         )

@@ -24,14 +24,10 @@ PARTS = 100_000  # values in all, what an alias stands for counted again
 
 
 class NotFiniteError(ValueError):
-    """A number that is infinite or none.
-
-    Attributes:
-        key: Its dotted key; in a list, with the index.
-    """
+    """A number that is infinite or none."""
 
     def __init__(self, key: str, value: float) -> None:
-        self.key = key
+        self.key = key  # its dotted key; in a list, with the index
         super().__init__(f'{key or "a number"} must be finite, not {value}')
 
 
@@ -173,16 +169,13 @@ class Place(NamedTuple):
 
 
 class Placed(dict[str, Any]):
-    """Values by key.
-
-    Attributes:
-        places: Key to place, of the values that stand in a file of a user.
-    """
+    """Values by key."""
 
     def __init__(
         self, values: Mapping[str, Any] | None = None, places: Mapping[str, Place] | None = None
     ) -> None:
         super().__init__(values or {})
+        # key to place, of the values that stand in a file of a user
         self.places = dict(places or {})
 
     def __or__(self, others: Mapping[str, Any]) -> Placed:  # type: ignore[override]

@@ -39,34 +39,23 @@ KINDS: dict[str, dict[str, float]] = {'time': TIME, 'length': LENGTH, 'angle': A
 
 
 class Table(NamedTuple):
-    """Times and points.
+    """Times and points."""
 
-    Attributes:
-        times: Times [s], increasing, shape (N,).
-        points: Coordinates in m and rad, shape (N, m).
-        names: Names of the coordinates: x, y, phi; some of x, y, z, rx, ry, rz; x, y, z and the
-            quaternion qx, qy, qz, qw; or q1, q2 and so on.
-    """
-
-    times: Array
-    points: Array
+    times: Array  # times [s], increasing, shape (N,)
+    points: Array  # coordinates in m and rad, shape (N, m)
+    # names of the coordinates: x, y, phi; some of x, y, z, rx, ry, rz; x, y, z and the
+    # quaternion qx, qy, qz, qw; or q1, q2 and so on
     names: tuple[str, ...]
 
 
 class _Lines(NamedTuple):
-    """Lines of a table.
+    """Lines of a table."""
 
-    Attributes:
-        number: Number of its first line.
-        header: That line, as text.
-        rows: The others, and that one, too, if it holds numbers, each with its number.
-        comma: Whether it has commas in its numbers.
-    """
-
-    number: int
-    header: list[str]
+    number: int  # number of its first line
+    header: list[str]  # that line, as text
+    # the others, and that one, too, if it holds numbers, each with its number
     rows: Iterator[tuple[int, list[str]]]
-    comma: bool
+    comma: bool  # whether it has commas in its numbers
 
 
 def read_table(path: Path, columns: Sequence[str] = (), units: Sequence[str] = ()) -> Table:

@@ -333,27 +333,16 @@ def _free_products(mechanism: Mechanism, workspace: Workspace) -> None:
 
 
 class BodyMotions(NamedTuple):
-    """Motions of N bodies at K samples; spatial vectors are angular, then linear at the origin.
+    """Motions of N bodies at K samples; spatial vectors are angular, then linear at the origin."""
 
-    Attributes:
-        fault: FOUND or a fault of each sample, shape (K,).
-        rotation: Frames of the bodies in the world, shape (K, N, 3, 3).
-        origin: Their origins [m], shape (K, N, 3).
-        S: Motion by each joint in the world, shape (K, N, 6).
-        W: Rates of all joints by those of the actuated ones, shape (K, N, n).
-        V: Velocities of the bodies, shape (K, N, 6).
-        A: Their accelerations, shape (K, N, 6).
-        joint: Accelerations of the joints, shape (K, N).
-    """
-
-    fault: Index
-    rotation: Array
-    origin: Array
-    S: Array
-    W: Array
-    V: Array
-    A: Array
-    joint: Array
+    fault: Index  # FOUND or a fault of each sample, shape (K,)
+    rotation: Array  # frames of the bodies in the world, shape (K, N, 3, 3)
+    origin: Array  # their origins [m], shape (K, N, 3)
+    S: Array  # motion by each joint in the world, shape (K, N, 6)
+    W: Array  # rates of all joints by those of the actuated ones, shape (K, N, n)
+    V: Array  # velocities of the bodies, shape (K, N, 6)
+    A: Array  # their accelerations, shape (K, N, 6)
+    joint: Array  # accelerations of the joints, shape (K, N)
 
 
 def body_motions(

@@ -35,72 +35,46 @@ class Mechanism(NamedTuple):
 
     As many closures as passive joints, independent of each other at home. The joint `parent[i]`
     comes before joint i.
-
-    Attributes:
-        parent: The joint before on the chain, or BASE, shape (N,).
-        kind: HINGE or SLIDE, shape (N,).
-        rotation: Frame of the joint at position zero, seen from that of its parent, shape
-            (N, 3, 3).
-        origin: Its origin in the frame of the parent [m], shape (N, 3).
-        axis: Its axis in its own frame, a unit vector, shape (N, 3).
-        mass: Mass of its body [kg], shape (N,).
-        centre: Centre of mass in its frame [m], shape (N, 3).
-        inertia: About the centre of mass in its frame [kg m^2], shape (N, 3, 3).
-        armature: Inertia of its rotor, as felt at the joint [kg m^2 or kg], shape (N,).
-        gravity: Acceleration of gravity in the world [m/s^2], shape (3,).
-        closure: Kind of each closure, shape (r,). POINT: a component of the distance between a
-            point on joint a and one on joint b is zero; TURN: a component of the rotation from
-            one to the other is; COUPLING: position of joint a = offset + ratio * position of b.
-        first: Joint a of the closure, or BASE, shape (r,).
-        second: Joint b of the closure, or BASE, shape (r,).
-        first_point: The point in the frame of joint a [m], shape (r, 3); POINT alone.
-        second_point: That in the frame of joint b [m], shape (r, 3); POINT alone.
-        turned: Rotation of b seen from a where the closure is met, shape (r, 3, 3); TURN alone.
-        direction: Which component, a unit vector of the world, shape (r, 3).
-        ratio: Of a COUPLING, shape (r,).
-        offset: Of a COUPLING [rad or m], shape (r,).
-        actuated: The n actuated joints, shape (n,).
-        passive: The r joints that follow by the closures, shape (r,).
-        home: Positions of all joints in a closed posture [rad or m], shape (N,); joints that are
-            neither actuated nor passive are held there.
-        tool: The joint that carries the tool, or BASE.
-        tool_point: The tool in the frame of that joint [m], shape (3,).
-        tool_rotation: Frame of the tool seen from that of the joint, shape (3, 3).
-        tool_home: Frame of the tool in the world at home, shape (3, 3).
-        coordinate: Coordinates of the pose, shape (m,): 0 to 2 are x, y, z of the tool [m], 3 to 5
-            the components of its rotation vector from `tool_home` in the world [rad]; empty: the
-            pose is the actuated joints.
-        length: A length of the machine, by which angles and lengths are compared [m].
     """
 
-    parent: Index
-    kind: Index
+    parent: Index  # the joint before on the chain, or BASE, shape (N,)
+    kind: Index  # HINGE or SLIDE, shape (N,)
+    # frame of the joint at position zero, seen from that of its parent, shape (N, 3, 3)
     rotation: Array
-    origin: Array
-    axis: Array
-    mass: Array
-    centre: Array
-    inertia: Array
-    armature: Array
-    gravity: Array
+    origin: Array  # its origin in the frame of the parent [m], shape (N, 3)
+    axis: Array  # its axis in its own frame, a unit vector, shape (N, 3)
+    mass: Array  # mass of its body [kg], shape (N,)
+    centre: Array  # centre of mass in its frame [m], shape (N, 3)
+    inertia: Array  # about the centre of mass in its frame [kg m^2], shape (N, 3, 3)
+    armature: Array  # inertia of its rotor, as felt at the joint [kg m^2 or kg], shape (N,)
+    gravity: Array  # acceleration of gravity in the world [m/s^2], shape (3,)
+    # kind of each closure, shape (r,). POINT: a component of the distance between a point on
+    # joint a and one on joint b is zero; TURN: a component of the rotation from one to the
+    # other is; COUPLING: position of joint a = offset + ratio * position of b
     closure: Index
-    first: Index
-    second: Index
-    first_point: Array
-    second_point: Array
+    first: Index  # joint a of the closure, or BASE, shape (r,)
+    second: Index  # joint b of the closure, or BASE, shape (r,)
+    first_point: Array  # the point in the frame of joint a [m], shape (r, 3); POINT alone
+    second_point: Array  # that in the frame of joint b [m], shape (r, 3); POINT alone
+    # rotation of b seen from a where the closure is met, shape (r, 3, 3); TURN alone
     turned: Array
-    direction: Array
-    ratio: Array
-    offset: Array
-    actuated: Index
-    passive: Index
+    direction: Array  # which component, a unit vector of the world, shape (r, 3)
+    ratio: Array  # of a COUPLING, shape (r,)
+    offset: Array  # of a COUPLING [rad or m], shape (r,)
+    actuated: Index  # the n actuated joints, shape (n,)
+    passive: Index  # the r joints that follow by the closures, shape (r,)
+    # positions of all joints in a closed posture [rad or m], shape (N,); joints that are
+    # neither actuated nor passive are held there
     home: Array
-    tool: int
-    tool_point: Array
-    tool_rotation: Array
-    tool_home: Array
+    tool: int  # the joint that carries the tool, or BASE
+    tool_point: Array  # the tool in the frame of that joint [m], shape (3,)
+    tool_rotation: Array  # frame of the tool seen from that of the joint, shape (3, 3)
+    tool_home: Array  # frame of the tool in the world at home, shape (3, 3)
+    # coordinates of the pose, shape (m,): 0 to 2 are x, y, z of the tool [m], 3 to 5 the
+    # components of its rotation vector from `tool_home` in the world [rad]; empty: the pose
+    # is the actuated joints
     coordinate: Index
-    length: float
+    length: float  # a length of the machine, by which angles and lengths are compared [m]
 
 
 # What follows from a mechanism once and for all: columns, units, groups of closures.
@@ -111,43 +85,29 @@ GRID = 2.0**-24  # rad; of slides: times the power of two nearest to the length
 
 
 class Layout(NamedTuple):
-    """Tables of a mechanism of N joints, r closures and n actuated joints.
+    """Tables of a mechanism of N joints, r closures and n actuated joints."""
 
-    Attributes:
-        column: Column of each joint among the passive ones, from 0, or the actuated ones, from r,
-            or HELD, shape (N,).
-        passive: Passive joints in the order of their columns, those with few closures first, so
-            that elimination fills little, shape (r,).
-        moving: Joints that are not held, in their order, shape (n + r,).
-        scale: Unit of a joint: the length for slides, 1 for hinges, shape (N,).
-        grid: What positions are rounded to, shape (N,).
-        group: First closure of each group that shares its points, then r, shape (groups + 1,).
-        normal: Direction of each closure in units that make its error a number, shape (r, 3).
-        unit: What makes the error of a coupling a number, shape (r,).
-        along: Which coordinate axis of its frame a joint has as its axis, 0 to 2, or
-            NO_COORDINATE, shape (N,).
-        parallel: Whether its frame has the directions of that before at position zero, shape
-            (N,).
-        concentric: Whether its frame has the origin of that before, shape (N,).
-        carries: Whether a joint moves the tool, shape (N,).
-        rotations: Number of rotation coordinates of the pose.
-        turns: The only one, 3 to 5, or 0.
-    """
-
+    # column of each joint among the passive ones, from 0, or the actuated ones, from r, or
+    # HELD, shape (N,)
     column: Index
+    # passive joints in the order of their columns, those with few closures first, so that
+    # elimination fills little, shape (r,)
     passive: Index
-    moving: Index
-    scale: Array
-    grid: Array
-    group: Index
-    normal: Array
-    unit: Array
+    moving: Index  # joints that are not held, in their order, shape (n + r,)
+    scale: Array  # unit of a joint: the length for slides, 1 for hinges, shape (N,)
+    grid: Array  # what positions are rounded to, shape (N,)
+    group: Index  # first closure of each group that shares its points, then r, shape (groups + 1,)
+    normal: Array  # direction of each closure in units that make its error a number, shape (r, 3)
+    unit: Array  # what makes the error of a coupling a number, shape (r,)
+    # which coordinate axis of its frame a joint has as its axis, 0 to 2, or NO_COORDINATE,
+    # shape (N,)
     along: Index
+    # whether its frame has the directions of that before at position zero, shape (N,)
     parallel: Index
-    concentric: Index
-    carries: Index
-    rotations: int
-    turns: int
+    concentric: Index  # whether its frame has the origin of that before, shape (N,)
+    carries: Index  # whether a joint moves the tool, shape (N,)
+    rotations: int  # number of rotation coordinates of the pose
+    turns: int  # the only one, 3 to 5, or 0
 
 
 def layout(mechanism: Mechanism) -> Layout:

@@ -66,17 +66,11 @@ FLAT = 1e-3  # of the length of points: less across them is a line
 
 
 class Line(NamedTuple):
-    """A straight line of a link, from one of its points to another.
+    """A straight line of a link, from one of its points to another."""
 
-    Attributes:
-        link: The joint that moves it, or BASE.
-        ends: Both points in the frame of that joint [m], shape (2, 3).
-        slide: A slide that takes the second point along, from where it is at position zero, or
-            BASE.
-    """
-
-    link: int
-    ends: Array
+    link: int  # the joint that moves it, or BASE
+    ends: Array  # both points in the frame of that joint [m], shape (2, 3)
+    # a slide that takes the second point along, from where it is at position zero, or BASE
     slide: int = BASE
 
 

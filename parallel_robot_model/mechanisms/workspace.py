@@ -25,26 +25,17 @@ SMALLEST = 1e-10  # pivot, of a matrix whose elements are about 1, of one that h
 
 
 class Factors(NamedTuple):
-    """A matrix of shape (n, n), then its LU.
+    """A matrix of shape (n, n), then its LU."""
 
-    Attributes:
-        a: The matrix; then both factors, with the reciprocals of the pivots in the diagonal.
-        row: Row of `a` that is a row of its factors, shape (n,).
-        filled: Columns of the elements of a row that are not zero: those right of the diagonal,
-            and from the end those left of it, shape (n, n).
-        left: Number of those left of the diagonal, shape (n,).
-        right: Number of those right of it, shape (n,).
-        busy: Rows with an element in a column, in any order, shape (n,).
-        room: Right sides in the order of the factors, shape (n, WIDTH).
-    """
-
-    a: Array
-    row: Index
+    a: Array  # the matrix; then both factors, with the reciprocals of the pivots in the diagonal
+    row: Index  # row of `a` that is a row of its factors, shape (n,)
+    # columns of the elements of a row that are not zero: those right of the diagonal, and
+    # from the end those left of it, shape (n, n)
     filled: Index
-    left: Index
-    right: Index
-    busy: Index
-    room: Array
+    left: Index  # number of those left of the diagonal, shape (n,)
+    right: Index  # number of those right of it, shape (n,)
+    busy: Index  # rows with an element in a column, in any order, shape (n,)
+    room: Array  # right sides in the order of the factors, shape (n, WIDTH)
 
 
 def factors(n: int) -> Factors:
@@ -179,100 +170,59 @@ class Workspace(NamedTuple):
     """Arrays for a mechanism of N joints, r closures, n actuated joints, m coordinates.
 
     After each kernel, frames and Jacobians are those of the memory.
-
-    Attributes:
-        q: Memory: actuated positions of the last closed posture, shape (n,).
-        all: Memory: positions of all its joints, shape (N,).
-        pose: Memory: the pose that was solved last, shape (m,).
-        angle: Memory: the only rotation coordinate of the pose, beyond pi, too, shape (1,).
-        state: Memory: whether the frames are placed, the signs of the determinants of passive
-            block and of the tool's Jacobian, shape (3,).
-        layout: What follows from the mechanism once and for all.
-        trial: Positions at which the frames are, shape (N,).
-        here: Positions of the last closed posture on a way, shape (N,).
-        way: First and half the second derivative of all joints by the way, shape (2, N).
-        rotation: Frames of the joints in the world, shape (N, 3, 3).
-        origin: Their origins [m], shape (N, 3).
-        S: Motion by a joint: angular, and linear at the world's origin, shape (N, 6).
-        error: How far the closures are open, as numbers, shape (r,).
-        jacobian: Derivative of `error` by passive and actuated joints, shape (r, r + n).
-        factors: LU of its passive block.
-        W: Rates of all joints by those of the actuated ones, shape (N, n).
-        W_rate: Its derivative, shape (N, n).
-        rate: Rates of all joints, shape (N,).
-        bias: Their accelerations at no acceleration of the actuated ones, shape (N,).
-        V: Motions of the bodies, shape (N, 6).
-        S_rate: Derivative of `S`, shape (N, 6).
-        A: Accelerations of the bodies, shape (N, 6).
-        force: Forces on the bodies, shape (N, 6).
-        inertia: Mass, first moments and second moments of composite bodies, shape (N, 10).
-        momentum: Half the rate of the second moments, angular and linear momentum of composite
-            bodies, shape (N, 12).
-        MW: Inertia matrix of all joints times `W`, shape (N, n).
-        QW: Their Coriolis matrix times `W` and their inertia matrix times `W_rate`, shape (N, n).
-        load: Forces of all joints, shape (N,).
-        right: Right sides of linear systems, shape (r, n) and columns of no use.
-        single: One right side, shape (r,).
-        inertia_matrix: That of the actuated joints, shape (n, n).
-        tool_jacobian: Rate of the pose by the actuated joints, shape (m, n).
-        tool_factors: LU of it.
-        tool_frame: Frame of the tool in the world, where a way begins, and where it leads, shape
-            (3, 3, 3).
-        tool_point: Tool in the world, shape (3,).
-        tool_bias: Acceleration of the pose at none of the actuated joints, shape (m,).
-        tool_way: Pose where a way begins, and the whole way, shape (2, m).
-        tool_error: Distance from a pose, shape (n,).
-        known: What the singular values of `known_block` are at least; the root of the sum of their
-            squares, shape (2,).
-        known_block: Passive block of a posture with room around it, shape (r, r).
-        closure_gram: Products of the columns of the passive block, shape (r, r).
-        tool_gram: Products of the columns of the tool's Jacobian, shape (n, n).
-        tridiagonal: A matrix by its diagonals, and room, shape (4, max(r, n)).
     """
 
-    q: Array
-    all: Array
-    pose: Array
-    angle: Array
+    q: Array  # memory: actuated positions of the last closed posture, shape (n,)
+    all: Array  # memory: positions of all its joints, shape (N,)
+    pose: Array  # memory: the pose that was solved last, shape (m,)
+    angle: Array  # memory: the only rotation coordinate of the pose, beyond pi, too, shape (1,)
+    # memory: whether the frames are placed, the signs of the determinants of passive block
+    # and of the tool's Jacobian, shape (3,)
     state: Index
-    layout: Layout
-    trial: Array
-    here: Array
-    way: Array
-    rotation: Array
-    origin: Array
-    S: Array
-    error: Array
-    jacobian: Array
-    factors: Factors
-    W: Array
-    W_rate: Array
-    rate: Array
-    bias: Array
-    V: Array
-    S_rate: Array
-    A: Array
-    force: Array
-    inertia: Array
+    layout: Layout  # what follows from the mechanism once and for all
+    trial: Array  # positions at which the frames are, shape (N,)
+    here: Array  # positions of the last closed posture on a way, shape (N,)
+    way: Array  # first and half the second derivative of all joints by the way, shape (2, N)
+    rotation: Array  # frames of the joints in the world, shape (N, 3, 3)
+    origin: Array  # their origins [m], shape (N, 3)
+    S: Array  # motion by a joint: angular, and linear at the world's origin, shape (N, 6)
+    error: Array  # how far the closures are open, as numbers, shape (r,)
+    jacobian: Array  # derivative of `error` by passive and actuated joints, shape (r, r + n)
+    factors: Factors  # LU of its passive block
+    W: Array  # rates of all joints by those of the actuated ones, shape (N, n)
+    W_rate: Array  # its derivative, shape (N, n)
+    rate: Array  # rates of all joints, shape (N,)
+    bias: Array  # their accelerations at no acceleration of the actuated ones, shape (N,)
+    V: Array  # motions of the bodies, shape (N, 6)
+    S_rate: Array  # derivative of `S`, shape (N, 6)
+    A: Array  # accelerations of the bodies, shape (N, 6)
+    force: Array  # forces on the bodies, shape (N, 6)
+    inertia: Array  # mass, first moments and second moments of composite bodies, shape (N, 10)
+    # half the rate of the second moments, angular and linear momentum of composite bodies,
+    # shape (N, 12)
     momentum: Array
-    MW: Array
+    MW: Array  # inertia matrix of all joints times `W`, shape (N, n)
+    # their Coriolis matrix times `W` and their inertia matrix times `W_rate`, shape (N, n)
     QW: Array
-    load: Array
-    right: Array
-    single: Array
-    inertia_matrix: Array
-    tool_jacobian: Array
-    tool_factors: Factors
+    load: Array  # forces of all joints, shape (N,)
+    right: Array  # right sides of linear systems, shape (r, n) and columns of no use
+    single: Array  # one right side, shape (r,)
+    inertia_matrix: Array  # that of the actuated joints, shape (n, n)
+    tool_jacobian: Array  # rate of the pose by the actuated joints, shape (m, n)
+    tool_factors: Factors  # LU of it
+    # frame of the tool in the world, where a way begins, and where it leads, shape (3, 3, 3)
     tool_frame: Array
-    tool_point: Array
-    tool_bias: Array
-    tool_way: Array
-    tool_error: Array
+    tool_point: Array  # tool in the world, shape (3,)
+    tool_bias: Array  # acceleration of the pose at none of the actuated joints, shape (m,)
+    tool_way: Array  # pose where a way begins, and the whole way, shape (2, m)
+    tool_error: Array  # distance from a pose, shape (n,)
+    # what the singular values of `known_block` are at least; the root of the sum of their
+    # squares, shape (2,)
     known: Array
-    known_block: Array
-    closure_gram: Array
-    tool_gram: Array
-    tridiagonal: Array
+    known_block: Array  # passive block of a posture with room around it, shape (r, r)
+    closure_gram: Array  # products of the columns of the passive block, shape (r, r)
+    tool_gram: Array  # products of the columns of the tool's Jacobian, shape (n, n)
+    tridiagonal: Array  # a matrix by its diagonals, and room, shape (4, max(r, n))
 
 
 def coordinates(mechanism: Mechanism) -> int:

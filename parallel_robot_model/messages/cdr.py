@@ -21,14 +21,10 @@ SPARE = 8  # bytes; some serialisers leave fewer than this at the end of a messa
 
 
 class Layout:
-    """Byte layout of one message type with all lengths known.
-
-    Attributes:
-        type_name: ROS name of the type, e.g. ``'sensor_msgs/msg/JointState'``.
-    """
+    """Byte layout of one message type with all lengths known."""
 
     def __init__(self, type_name: str) -> None:
-        self.type_name = type_name
+        self.type_name = type_name  # ROS name of the type, e.g. ``'sensor_msgs/msg/JointState'``
         self._bytes = bytearray(ENCAPSULATION)
         self._constant = bytearray(b'\1' * len(ENCAPSULATION))  # 1 where a byte never varies
         self._fields: dict[str, tuple[str, int]] = {}
@@ -175,18 +171,15 @@ class Layout:
 
 
 class Draft:
-    """One message that is filled in place repeatedly: faster than a new one each time.
-
-    Attributes:
-        bytes: Bytes of the message, uint8.
-        fields: Name to the numbers of the field, aligned, shape (n,).
-    """
+    """One message that is filled in place repeatedly: faster than a new one each time."""
 
     def __init__(self, layout: Layout) -> None:
         begin = len(ENCAPSULATION)  # CDR aligns from there
+        # bytes of the message, uint8
         self.bytes = np.zeros(begin + len(layout.template), np.uint8)[begin:]
         self.bytes[:] = layout.template
         record = self.bytes.view(layout.dtype)
+        # name to the numbers of the field, aligned, shape (n,)
         self.fields = {name: record[name].reshape(-1) for name in layout.dtype.names or ()}
 
     def encode(self, stamp: int, **values: Any) -> bytes:

@@ -196,17 +196,11 @@ def last_state(data: bytes, joints: int) -> int | None:
 
 
 class JointMessage(NamedTuple):
-    """What a message with numbers for each joint holds.
+    """What a message with numbers for each joint holds."""
 
-    Attributes:
-        names: Names of the joints.
-        fields: Fields with a number for each joint.
-        layout: Makes the layout of messages like this one.
-    """
-
-    names: tuple[str, ...]
-    fields: tuple[str, ...]
-    layout: Callable[[], cdr.Layout]
+    names: tuple[str, ...]  # names of the joints
+    fields: tuple[str, ...]  # fields with a number for each joint
+    layout: Callable[[], cdr.Layout]  # makes the layout of messages like this one
 
 
 def joint_message(type_name: str, data: bytes) -> JointMessage:

@@ -21,19 +21,12 @@ FRAME = 'base'  # frame of poses and markers
 
 
 class Topic(NamedTuple):
-    """A topic of the suite.
+    """A topic of the suite."""
 
-    Attributes:
-        name: Relative name.
-        type: ROS type.
-        every: Samples from one message to the next; 0 for topics without a fixed rate.
-        latched: Whether late subscribers get the last message.
-    """
-
-    name: str
-    type: str
-    every: int = 1
-    latched: bool = False
+    name: str  # relative name
+    type: str  # ROS type
+    every: int = 1  # samples from one message to the next; 0 for topics without a fixed rate
+    latched: bool = False  # whether late subscribers get the last message
 
 
 JOINT_STATES = Topic('joint_states', 'sensor_msgs/msg/JointState')

@@ -23,11 +23,6 @@ class JointReader:
     Messages that cannot be used are counted with the reason, never passed on: joints that are
     missing or named twice, fields shorter than the names, values that are not finite, an invalid
     stamp.
-
-    Attributes:
-        problem: Why the last message that could not be used was none.
-        layout: Byte layout of the last message; None when it was not understood.
-        order: Index of each joint in the message.
     """
 
     def __init__(
@@ -53,9 +48,10 @@ class JointReader:
         self._fields = fields
         self._counts = counts
         self._optional = optional or {}
-        self.problem = ''
+        self.problem = ''  # why the last message that could not be used was none
+        # byte layout of the last message; None when it was not understood
         self.layout: cdr.Layout | None = None
-        self.order = list(range(len(joints)))
+        self.order = list(range(len(joints)))  # index of each joint in the message
         # Learn the layout that the suite publishes, and import all that reading needs.
         self.read(OWN[topic.type](joints).encode())
 
@@ -162,16 +158,12 @@ FASTER = 1.5  # times its rate: what it may have sent meanwhile
 
 
 class _Stream:
-    """Messages whose numbers follow each other, as those of one publisher do.
-
-    Attributes:
-        number: Number of the last one that can be no other publisher's.
-        heard: Time of the last one that can be its [s].
-        rate: Messages in a second, on average; after one message, those that are assumed.
-        run: Messages in a row.
-    """
+    """Messages whose numbers follow each other, as those of one publisher do."""
 
     def __init__(self, number: int, now: float, rate: float) -> None:
+        # number: number of the last one that can be no other publisher's; heard: time of
+        # the last one that can be its [s]; rate: messages in a second, on average; after
+        # one message, those that are assumed; run: messages in a row
         self.number, self.heard, self.rate, self.run = number, now, rate, 1
         self._time = now  # s, of the last one that can be no other publisher's
         self._owed = 0.0  # messages that were due and have not come: they may come at once

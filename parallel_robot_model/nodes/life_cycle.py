@@ -210,11 +210,7 @@ def prepare_to_log() -> None:
 
 
 class Lifecycle(LifecycleNodeMixin):  # type: ignore[misc]
-    """Offers the services of a managed node in the name of another node.
-
-    Attributes:
-        active: Whether the node is active.
-    """
+    """Offers the services of a managed node in the name of another node."""
 
     def __init__(
         self,
@@ -236,7 +232,7 @@ class Lifecycle(LifecycleNodeMixin):  # type: ignore[misc]
         self.default_callback_group = node.default_callback_group
         self._node, self._activate, self._deactivate = node, activate, deactivate
         self._shut_down = shut_down
-        self.active = False
+        self.active = False  # whether the node is active
         super().__init__()
         self._change = self._service_change_state.callback
         self._service_change_state.callback = self._on_change

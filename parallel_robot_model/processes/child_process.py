@@ -73,12 +73,7 @@ def can_fork() -> bool:
 
 
 class ForkedProcess:
-    """A module of the suite in a process of its own; what is used of `subprocess.Popen`.
-
-    Attributes:
-        pid: Its number.
-        returncode: Exit code, or minus the number of the signal that ended it; None while it runs.
-    """
+    """A module of the suite in a process of its own; what is used of `subprocess.Popen`."""
 
     def __init__(
         self,
@@ -97,6 +92,7 @@ class ForkedProcess:
             output: File of what it writes.
             environment: Variables that it has besides those of this process.
         """
+        # exit code, or minus the number of the signal that ended it; None while it runs
         self.returncode: int | None = None
         inspect.stack()  # looks at all modules once: the first line of a node's log does so, too
         for stream in (sys.stdout, sys.stderr):
@@ -104,7 +100,7 @@ class ForkedProcess:
         # None is lost in between.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
         try:
-            self.pid = os.fork()
+            self.pid = os.fork()  # its number
             if not self.pid:
 
                 def run() -> object:
@@ -192,17 +188,11 @@ MAX_WAIT = 600.0  # s, for code that waits; twenty times what a trial takes on a
 
 
 class Ended(NamedTuple):
-    """How a trial has ended.
+    """How a trial has ended."""
 
-    Attributes:
-        returned: Whether it came to its end.
-        result: What it found then, plain data.
-        how: What went wrong otherwise, e.g. 'update ends the process with SIGSEGV'.
-    """
-
-    returned: bool
-    result: Any
-    how: str
+    returned: bool  # whether it came to its end
+    result: Any  # what it found then, plain data
+    how: str  # what went wrong otherwise, e.g. 'update ends the process with SIGSEGV'
 
 
 def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> Ended:

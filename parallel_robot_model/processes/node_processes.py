@@ -38,15 +38,10 @@ END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 
 
 class Work(NamedTuple):
-    """What a process has done.
+    """What a process has done."""
 
-    Attributes:
-        ran: Processor time that it has used [s].
-        waited: Time in which it could have run, but others had the processors [s].
-    """
-
-    ran: float
-    waited: float
+    ran: float  # processor time that it has used [s]
+    waited: float  # time in which it could have run, but others had the processors [s]
 
 
 Process = subprocess.Popen[Any] | ForkedProcess

@@ -16,37 +16,26 @@ TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as
 
 
 class Link(NamedTuple):
-    """A link and the joint that it moves with.
+    """A link and the joint that it moves with."""
 
-    Attributes:
-        name: Name of the link and of its frame.
-        parent: Name of the link that carries it, or the fixed frame.
-        joint: Name of its joint.
-        origin: The joint in the frame of the parent [m].
-        mass: Mass [kg].
-        centre: Centre of mass in its own frame [m].
-        inertia: About z through the centre of mass [kg m^2]; of a link that moves in space xx, xy,
-            xz, yy, yz, zz.
-        lines: Both ends of each straight line of a picture, in its own frame [m].
-        rotation: Its frame where the joint is at zero, seen from that of the parent, a quaternion
-            x, y, z, w.
-        axis: Axis of the joint in its own frame, a unit vector.
-        kind: TURNS, SLIDES or FIXED.
-        travel: Ends of travel of a joint that slides [m].
-    """
-
-    name: str
-    parent: str
-    joint: str
-    origin: Point
-    mass: float
-    centre: Point
+    name: str  # name of the link and of its frame
+    parent: str  # name of the link that carries it, or the fixed frame
+    joint: str  # name of its joint
+    origin: Point  # the joint in the frame of the parent [m]
+    mass: float  # mass [kg]
+    centre: Point  # centre of mass in its own frame [m]
+    # about z through the centre of mass [kg m^2]; of a link that moves in space xx, xy, xz,
+    # yy, yz, zz
     inertia: float | Moments
+    # both ends of each straight line of a picture, in its own frame [m]
     lines: tuple[tuple[Point, Point], ...]
+    # its frame where the joint is at zero, seen from that of the parent, a quaternion x, y,
+    # z, w
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    # axis of the joint in its own frame, a unit vector
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    kind: str = TURNS
-    travel: tuple[float, float] = (-1e3, 1e3)
+    kind: str = TURNS  # TURNS, SLIDES or FIXED
+    travel: tuple[float, float] = (-1e3, 1e3)  # ends of travel of a joint that slides [m]
 
 
 def in_space(point: Point) -> tuple[float, float, float]:

@@ -97,18 +97,12 @@ class StateSpace(NamedTuple):
 
     The state x is the positions of the actuated joints [rad] and their rates [rad/s], the input u
     their torques beside those that hold the robot [N m], the output y the pose.
-
-    Attributes:
-        A: Shape (2n, 2n).
-        B: Shape (2n, n).
-        C: Shape (m, 2n).
-        D: Zeros, shape (m, n).
     """
 
-    A: Array
-    B: Array
-    C: Array
-    D: Array
+    A: Array  # shape (2n, 2n)
+    B: Array  # shape (2n, n)
+    C: Array  # shape (m, 2n)
+    D: Array  # zeros, shape (m, n)
 
 
 def linearise(robot: RobotModel, margins: Any, pose: Any, viscous: Any) -> StateSpace:

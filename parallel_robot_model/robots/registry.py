@@ -62,15 +62,9 @@ NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0
 
 
 class RobotModel(NamedTuple):
-    """A robot with its parameters.
+    """A robot with its parameters."""
 
-    Attributes:
-        name: Key of ROBOTS, or the name of a custom robot.
-        module: Its module.
-        parameters: Its parameters.
-    """
-
-    name: str
+    name: str  # key of ROBOTS, or the name of a custom robot
     module: Robot
     parameters: Any
 

@@ -28,19 +28,12 @@ LEAST = 1e-10  # differences below it are rounding, in any unit
 
 
 class Check(NamedTuple):
-    """A comparison.
+    """A comparison."""
 
-    Attributes:
-        function: Function of the robot that is wrong if it fails.
-        what: What is compared.
-        difference: The largest difference; NaN where something is not finite.
-        size: Size of what is compared, in the same unit.
-    """
-
-    function: str
-    what: str
-    difference: float
-    size: float
+    function: str  # function of the robot that is wrong if it fails
+    what: str  # what is compared
+    difference: float  # the largest difference; NaN where something is not finite
+    size: float  # size of what is compared, in the same unit
 
     @property
     def share(self) -> float:

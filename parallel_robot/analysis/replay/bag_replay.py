@@ -39,21 +39,13 @@ USED = ('law', *config.CUSTOM, 'robot', *GROUPS)
 
 @dataclass(frozen=True, repr=False)
 class BagReplay(ShownResult):
-    """Torques of a bag that were computed again: N states, n joints.
+    """Torques of a bag that were computed again: N states, n joints."""
 
-    Attributes:
-        log: The run of the bag.
-        law: The law that computed them.
-        result: The torques.
-        changed: Whether it was another law, or other gains.
-        warnings: What to know of the bag and of differences, one line each.
-    """
-
-    log: RunLog
-    law: str
-    result: Replay
-    changed: bool
-    warnings: tuple[str, ...]
+    log: RunLog  # the run of the bag
+    law: str  # the law that computed them
+    result: Replay  # the torques
+    changed: bool  # whether it was another law, or other gains
+    warnings: tuple[str, ...]  # what to know of the bag and of differences, one line each
 
     @property
     def time(self) -> Array:
@@ -108,22 +100,14 @@ class BagReplay(ShownResult):
 
 @dataclass(frozen=True, repr=False)
 class ReplayFigures(ShownResult):
-    """What came of torques of a bag that were computed again, without them.
+    """What came of torques of a bag that were computed again, without them."""
 
-    Attributes:
-        log: The first part of the run.
-        law: The law that computed them.
-        totals: The figures.
-        changed: Whether it was another law, or other gains.
-        warnings: What to know of the bag and of differences, one line each.
-        curves: Time [s], recorded commands and torques [N m], as far as they can be seen.
-    """
-
-    log: RunLog
-    law: str
-    totals: Totals
-    changed: bool
-    warnings: tuple[str, ...]
+    log: RunLog  # the first part of the run
+    law: str  # the law that computed them
+    totals: Totals  # the figures
+    changed: bool  # whether it was another law, or other gains
+    warnings: tuple[str, ...]  # what to know of the bag and of differences, one line each
+    # time [s], recorded commands and torques [N m], as far as they can be seen
     curves: tuple[Array, Array, Array]
 
     @property
@@ -151,24 +135,16 @@ class ReplayFigures(ShownResult):
 
 @dataclass(frozen=True)
 class Prepared:
-    """A bag that is to be replayed, and the configuration of its controller.
-
-    Attributes:
-        bag: The bag.
-        log: The run, or the first window of it.
-        past: What happened beside the motion.
-        values: The configuration.
-        changed: Whether it is another than the recorded one.
-        window: First and last time of the part that is compared [s], None: of the run.
-        rest: The windows after the first one; None: the log is the whole run.
-    """
+    """A bag that is to be replayed, and the configuration of its controller."""
 
     bag: Path
-    log: RunLog
-    past: History
-    values: Mapping[str, Any]
-    changed: bool
+    log: RunLog  # the run, or the first window of it
+    past: History  # what happened beside the motion
+    values: Mapping[str, Any]  # the configuration
+    changed: bool  # whether it is another than the recorded one
+    # first and last time of the part that is compared [s], None: of the run
     window: tuple[float | None, float | None] = (None, None)
+    # the windows after the first one; None: the log is the whole run
     rest: Iterator[Recording] | None = None
 
     @property

@@ -40,25 +40,15 @@ NO_EXPERIMENT = (
 
 @dataclass(frozen=True, repr=False)
 class Rerun(ShownResult):
-    """An experiment that was run again.
+    """An experiment that was run again."""
 
-    Attributes:
-        bag: The new bag.
-        messages: Number of messages that were compared.
-        difference: The first difference in words; empty without one.
-        reach: How far both bags go, in words; empty where both came to their end.
-        size: How large the difference is, in words.
-        unlike: Why they cannot be compared, in words; empty where they were.
-        warnings: Why it may not be the same, one line each.
-    """
-
-    bag: Path
-    messages: int = 0
-    difference: str = ''
-    reach: str = ''
-    size: str = ''
-    unlike: str = ''
-    warnings: tuple[str, ...] = ()
+    bag: Path  # the new bag
+    messages: int = 0  # number of messages that were compared
+    difference: str = ''  # the first difference in words; empty without one
+    reach: str = ''  # how far both bags go, in words; empty where both came to their end
+    size: str = ''  # how large the difference is, in words
+    unlike: str = ''  # why they cannot be compared, in words; empty where they were
+    warnings: tuple[str, ...] = ()  # why it may not be the same, one line each
 
     @property
     def identical(self) -> bool:
@@ -88,25 +78,15 @@ class Rerun(ShownResult):
 
 @dataclass(frozen=True)
 class Experiment:
-    """The experiment of a bag.
-
-    Attributes:
-        bag: The bag.
-        log: Its run, with times of a few states and the last one alone.
-        past: What happened beside the motion.
-        values: The configuration that is run.
-        scenario: Name or path of the scenario that is run.
-        changes: What changes in it.
-        warnings: What to know of the bag, and why a rerun may not be the same.
-    """
+    """The experiment of a bag."""
 
     bag: Path
-    log: RunLog
-    past: History
-    values: Mapping[str, Any]
-    scenario: str
-    changes: dict[str, Any]
-    warnings: tuple[str, ...]
+    log: RunLog  # its run, with times of a few states and the last one alone
+    past: History  # what happened beside the motion
+    values: Mapping[str, Any]  # the configuration that is run
+    scenario: str  # name or path of the scenario that is run
+    changes: dict[str, Any]  # what changes in it
+    warnings: tuple[str, ...]  # what to know of the bag, and why a rerun may not be the same
 
     @property
     def simulated(self) -> bool:

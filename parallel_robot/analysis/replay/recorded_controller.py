@@ -56,19 +56,13 @@ LOST = {  # those in which the torque is zero at once
 
 
 class Event(NamedTuple):
-    """Something that happened to the controller.
+    """Something that happened to the controller."""
 
-    Attributes:
-        stamp: When, roughly [ns].
-        values: New law or gains.
-        fault: Fault that it was brought into, NONE when the fault was cleared, else None.
-        pose: Pose that it was told; empty when it was not.
-    """
-
-    stamp: int
-    values: dict[str, Any]
+    stamp: int  # when, roughly [ns]
+    values: dict[str, Any]  # new law or gains
+    # fault that it was brought into, NONE when the fault was cleared, else None
     fault: int | None = None
-    pose: tuple[float, ...] = ()
+    pose: tuple[float, ...] = ()  # pose that it was told; empty when it was not
 
 
 class Past(NamedTuple):
@@ -90,19 +84,12 @@ def past_of(control: Control) -> Past:
 
 
 class Moment(NamedTuple):
-    """All that a controller knows between two states.
-
-    Attributes:
-        configuration: Its configuration.
-        control: Law, robot and limits.
-        state: State of its cycle.
-        past: Memory of the law and of the Kalman filter, which the cycle changes.
-    """
+    """All that a controller knows between two states."""
 
     configuration: ControlConfiguration
-    control: Control
-    state: CycleState
-    past: Past
+    control: Control  # law, robot and limits
+    state: CycleState  # state of its cycle
+    past: Past  # memory of the law and of the Kalman filter, which the cycle changes
 
     def moved(self, batch: Batch) -> Moment:
         """After a batch that :meth:`RecordedController.answer` has just answered."""
@@ -110,16 +97,7 @@ class Moment(NamedTuple):
 
 
 class RecordedController:
-    """A controller's fixed parts and its inputs, one row a state that it answered.
-
-    Attributes:
-        exact: Whether the bag says which states were answered, and from which references.
-        shown: Faults that stamps show then.
-        stamps: Of the states [ns], shape (A,).
-        expected: The recorded commands, shape (A, n).
-        rows: Numbers of the states in the run, shape (A,).
-        oldest: How many states an older reference may answer.
-    """
+    """A controller's fixed parts and its inputs, one row a state that it answered."""
 
     def __init__(
         self, log: RunLog, configuration: ControlConfiguration, obeyed: bool = True
@@ -142,12 +120,16 @@ class RecordedController:
             )
         self._configuration = configuration
         self._loop, safety = configuration.loop, configuration.safety
+        # how many states an older reference may answer
         self.oldest = round(safety.reference_timeout / self._loop.period)
+        # whether the bag says which states were answered, and from which references
         self.exact = log.used is not None
         self._count = len(log.stamps)
-        self.rows = np.arange(self._count)
+        self.rows = np.arange(self._count)  # numbers of the states in the run, shape (A,)
         if log.used is not None:
             self.rows = np.flatnonzero(log.used.stamps)
+        # stamps: of the states [ns], shape (A,); expected: the recorded commands, shape
+        # (A, n)
         self.stamps, self.expected = log.stamps[self.rows], log.answer[self.rows]
         heard = log.effort if log.has_efforts else np.full_like(log.effort, np.nan)
         self._effort = heard[self.rows]
@@ -155,6 +137,7 @@ class RecordedController:
         lockstep, states_out = self._loop.lockstep, round(safety.state_timeout * NANOSECONDS)
         begun_anew = ((steps <= 0) | ((steps >= RESTART) & (not lockstep))) & self.exact
         self._restarts = np.flatnonzero(begun_anew) + 1
+        # faults that stamps show then
         self.shown = {faults.REFERENCE_STALE, *[faults.STATES_STALE] * lockstep}
         self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])

@@ -42,19 +42,13 @@ SLACK = NANOSECONDS // 4  # ns, between a change and its record
 
 
 class Replay(NamedTuple):
-    """Torques computed again.
+    """Torques computed again."""
 
-    Attributes:
-        torque: [N m], shape (N, n).
-        recorded: The recorded commands, NaN where there is none [N m], shape (N, n).
-        late: How many states were answered with an older reference, extrapolated.
-        remembered: Whether it is known what law and estimator remembered at the first state; not
-            in a bag that begins while they run.
-    """
-
-    torque: np.ndarray
-    recorded: np.ndarray
-    late: int
+    torque: np.ndarray  # [N m], shape (N, n)
+    recorded: np.ndarray  # the recorded commands, NaN where there is none [N m], shape (N, n)
+    late: int  # how many states were answered with an older reference, extrapolated
+    # whether it is known what law and estimator remembered at the first state; not in a bag
+    # that begins while they run
     remembered: bool = True
 
     @property
@@ -230,31 +224,18 @@ class InParts:
 
 
 class Totals(NamedTuple):
-    """Figures of a part of a run, or of all of it.
+    """Figures of a part of a run, or of all of it."""
 
-    Attributes:
-        states: Number of states.
-        answered: How many were answered again.
-        known: How many have a recorded command.
-        differing: How many commands are not the recorded ones, bit for bit.
-        first: Time of the first of those [s]; NaN where there is none.
-        most: Largest difference of those [N m].
-        largest: Largest difference of each joint [N m], shape (n,).
-        squares: Sum of their squares [N^2 m^2], shape (n,).
-        late: How many states were answered with a reference that came late.
-        remembered: Whether it is known what law and estimator remembered at the first state.
-    """
-
-    states: int
-    answered: int
-    known: int
-    differing: int
-    first: float
-    most: float
-    largest: Array
-    squares: Array
-    late: int
-    remembered: bool
+    states: int  # number of states
+    answered: int  # how many were answered again
+    known: int  # how many have a recorded command
+    differing: int  # how many commands are not the recorded ones, bit for bit
+    first: float  # time of the first of those [s]; NaN where there is none
+    most: float  # largest difference of those [N m]
+    largest: Array  # largest difference of each joint [N m], shape (n,)
+    squares: Array  # sum of their squares [N^2 m^2], shape (n,)
+    late: int  # how many states were answered with a reference that came late
+    remembered: bool  # whether it is known what law and estimator remembered at the first state
 
     def and_then(self, after: Totals) -> Totals:
         """The figures with those of the part that follows."""

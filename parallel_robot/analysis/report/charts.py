@@ -20,72 +20,43 @@ MOST = 12_000  # points of a path with gaps
 
 
 class Curve(NamedTuple):
-    """One curve, with as many points as can be seen.
+    """One curve, with as many points as can be seen."""
 
-    Attributes:
-        label: Name in the legend.
-        style: Key of palette.STYLES.
-        x: Shape (N,).
-        y: Shape (N,).
-    """
-
-    label: str
-    style: str
-    x: np.ndarray
-    y: np.ndarray
+    label: str  # name in the legend
+    style: str  # key of palette.STYLES
+    x: np.ndarray  # shape (N,)
+    y: np.ndarray  # shape (N,)
 
 
 class Panel(NamedTuple):
-    """Curves over common axes.
+    """Curves over common axes."""
 
-    Attributes:
-        title: Heading; may be empty.
-        quantity: Name of y.
-        unit: Unit of y.
-        curves: The curves.
-        dashed: Whether curves are dashed; a path that repeats itself would fill its own gaps.
-        marks: Times at which law or gains of a run changed [s].
-        x_label: Label of its x axis where it is another than that of the chart.
-    """
-
-    title: str
-    quantity: str
-    unit: str
+    title: str  # heading; may be empty
+    quantity: str  # name of y
+    unit: str  # unit of y
     curves: list[Curve]
+    # whether curves are dashed; a path that repeats itself would fill its own gaps
     dashed: bool = True
-    marks: tuple[float, ...] = ()
-    x_label: str = ''
+    marks: tuple[float, ...] = ()  # times at which law or gains of a run changed [s]
+    x_label: str = ''  # label of its x axis where it is another than that of the chart
 
 
 class Chart(NamedTuple):
-    """One figure.
+    """One figure."""
 
-    Attributes:
-        number: Number of the paper's figure with this content.
-        name: Name for the file.
-        title: Heading.
-        note: Remark for the caption; may be empty.
-        x_label: Label of the x axis of all panels.
-        panels: Panels, row by row.
-        widths: Widths of the columns of panels, relative to each other.
-        magnitude: Whether the curves are errors, which may be drawn as magnitudes.
-        equal: Whether both axes have the same scale.
-        spans: Whether the columns show different times; then the panels of a column have the same
-            limits, otherwise all panels have the same time.
-        of_paper: Whether the paper has a figure with this content, or one in its place.
-    """
-
-    number: int
-    name: str
-    title: str
-    note: str
-    x_label: str
-    panels: list[Panel]
-    widths: tuple[float, ...] = (1.0,)
-    magnitude: bool = False
-    equal: bool = False
+    number: int  # number of the paper's figure with this content
+    name: str  # name for the file
+    title: str  # heading
+    note: str  # remark for the caption; may be empty
+    x_label: str  # label of the x axis of all panels
+    panels: list[Panel]  # panels, row by row
+    widths: tuple[float, ...] = (1.0,)  # widths of the columns of panels, relative to each other
+    magnitude: bool = False  # whether the curves are errors, which may be drawn as magnitudes
+    equal: bool = False  # whether both axes have the same scale
+    # whether the columns show different times; then the panels of a column have the same
+    # limits, otherwise all panels have the same time
     spans: bool = False
-    of_paper: bool = True
+    of_paper: bool = True  # whether the paper has a figure with this content, or one in its place
 
     def logarithmic(self, scale: str) -> bool:
         """Whether its errors are drawn as magnitudes, see :func:`looks.logarithmic`."""

@@ -18,21 +18,14 @@ from parallel_robot_model.robots.registry import RobotModel
 
 
 class Style(NamedTuple):
-    """How a curve looks.
+    """How a curve looks."""
 
-    Attributes:
-        light: Colour on white paper.
-        dark: Colour on a dark screen.
-        dash: Lengths of dash, gap, ... in units of the line width; empty for a solid line.
-        width: Width of the line [pt].
-        marker: Whether points are drawn instead of a line.
-    """
-
-    light: str
-    dark: str
+    light: str  # colour on white paper
+    dark: str  # colour on a dark screen
+    # lengths of dash, gap, ... in units of the line width; empty for a solid line
     dash: tuple[float, ...] = ()
-    width: float = 1.0
-    marker: bool = False
+    width: float = 1.0  # width of the line [pt]
+    marker: bool = False  # whether points are drawn instead of a line
 
 
 RUNS = (

@@ -148,20 +148,14 @@ MOST = 1500  # frames of a long run
 
 
 class Postures(NamedTuple):
-    """A robot whose pose is a place, in all runs at common times.
+    """A robot whose pose is a place, in all runs at common times."""
 
-    Attributes:
-        place: Number of the coordinates of a place: 2 in a plane, 3 in space.
-        time: Times of the frames [s], shape (F,).
-        parts: Parts of the robot, each name and number of lines.
-        frames: For each run the numbers of its frames [m], shape (F, K): the places of the
-            reference, of the end effector, and of both ends of each line, part by part. A run
-            that is shorter stays at its end.
-    """
-
-    place: int
-    time: np.ndarray
-    parts: list[tuple[str, int]]
+    place: int  # number of the coordinates of a place: 2 in a plane, 3 in space
+    time: np.ndarray  # times of the frames [s], shape (F,)
+    parts: list[tuple[str, int]]  # parts of the robot, each name and number of lines
+    # for each run the numbers of its frames [m], shape (F, K): the places of the reference,
+    # of the end effector, and of both ends of each line, part by part. A run that is shorter
+    # stays at its end
     frames: list[np.ndarray]
 
 

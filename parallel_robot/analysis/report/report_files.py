@@ -169,17 +169,11 @@ PAGE = 'report.html'
 
 
 class Report(NamedTuple):
-    """A report that was written.
-
-    Attributes:
-        page: Its page.
-        figures: Number of files of the figures, in the directory of the page.
-        warnings: What bags lack, one line each.
-    """
+    """A report that was written."""
 
     page: Path
-    figures: int
-    warnings: tuple[str, ...]
+    figures: int  # number of files of the figures, in the directory of the page
+    warnings: tuple[str, ...]  # what bags lack, one line each
 
 
 def make(

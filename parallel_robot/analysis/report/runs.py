@@ -29,42 +29,26 @@ from parallel_robot_sim.motions import Motion
 
 
 class Run(NamedTuple):
-    """One bag of a report.
+    """One bag of a report."""
 
-    Attributes:
-        bag: Path of the bag.
-        label: Its name in legends, different from all others of its group.
-        style: Key of palette.STYLES.
-        log: The recorded run; of a long one, states of a part alone.
-        motion: Its true motion where that is known, else the one that was seen; of a long run,
-            the samples that can be seen in a picture.
-        path: Its path; of a long one, parts of it with gaps.
-        at: Its samples at times, or the first ones after them, all in rising order.
-        samples: How many samples it has.
-        metrics: Metrics of the run.
-        cross_coupling: Cross-coupling errors [rad]; None when the bag has none.
-        timing: How the run kept its time.
-        cut: Why only a part of it was evaluated; empty when all of it was.
-        doubts: What else to know of its figures, e.g. that they are not the true ones.
-        faulted: Whether the controller was in a fault: its metrics are not those of the law.
-        marks: Times at which law or gains changed [s].
-    """
-
-    bag: Path
-    label: str
-    style: str
-    log: run_log.RunLog
+    bag: Path  # path of the bag
+    label: str  # its name in legends, different from all others of its group
+    style: str  # key of palette.STYLES
+    log: run_log.RunLog  # the recorded run; of a long one, states of a part alone
+    # its true motion where that is known, else the one that was seen; of a long run, the
+    # samples that can be seen in a picture
     motion: Motion
-    path: Track
+    path: Track  # its path; of a long one, parts of it with gaps
+    # its samples at times, or the first ones after them, all in rising order
     at: Callable[[np.ndarray], Motion]
-    samples: int
-    metrics: metrics.Metrics
-    cross_coupling: Series | None
-    timing: Timing
-    cut: str
-    doubts: list[str]
-    faulted: bool
-    marks: tuple[float, ...] = ()
+    samples: int  # how many samples it has
+    metrics: metrics.Metrics  # metrics of the run
+    cross_coupling: Series | None  # cross-coupling errors [rad]; None when the bag has none
+    timing: Timing  # how the run kept its time
+    cut: str  # why only a part of it was evaluated; empty when all of it was
+    doubts: list[str]  # what else to know of its figures, e.g. that they are not the true ones
+    faulted: bool  # whether the controller was in a fault: its metrics are not those of the law
+    marks: tuple[float, ...] = ()  # times at which law or gains changed [s]
 
 
 def read_runs(

@@ -160,15 +160,10 @@ def _numbers_by_value(name: str) -> list[tuple[int, str]]:
 
 
 class Certificate(NamedTuple):
-    """Messages of one topic.
+    """Messages of one topic."""
 
-    Attributes:
-        written: How many are in the bag.
-        lost: How many are known to be missing; None when that is not known.
-    """
-
-    written: int
-    lost: int | None
+    written: int  # how many are in the bag
+    lost: int | None  # how many are known to be missing; None when that is not known
 
     def __str__(self) -> str:
         """For people."""

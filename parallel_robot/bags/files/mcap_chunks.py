@@ -32,15 +32,11 @@ LENGTH = struct.Struct('<Q')
 
 
 class Block(NamedTuple):
-    """Messages whose channels are known.
+    """Messages whose channels are known."""
 
-    Attributes:
-        data: Content of a verified chunk, or the file where messages stand outside chunks.
-        starts: Where the record of each message begins, shape (N,).
-    """
-
+    # content of a verified chunk, or the file where messages stand outside chunks
     data: memoryview
-    starts: np.ndarray
+    starts: np.ndarray  # where the record of each message begins, shape (N,)
 
     def heads(self) -> np.ndarray:
         """Fields in front of the payloads, see MESSAGE, shape (N,)."""
@@ -123,33 +119,20 @@ LONGEST_NAME = 16  # bytes of the name of a compression
 
 
 class PackedChunk(NamedTuple):
-    """A chunk whose lengths fit together.
+    """A chunk whose lengths fit together."""
 
-    Attributes:
-        compression: Key of UNPACK, or the name of another compression.
-        size: Of the content [bytes].
-        crc: CRC-32 of the content; 0: not known.
-        packed: The packed content.
-    """
-
-    compression: bytes
-    size: int
-    crc: int
-    packed: memoryview
+    compression: bytes  # key of UNPACK, or the name of another compression
+    size: int  # of the content [bytes]
+    crc: int  # CRC-32 of the content; 0: not known
+    packed: memoryview  # the packed content
 
 
 class Content(NamedTuple):
-    """Verified content of a chunk.
+    """Verified content of a chunk."""
 
-    Attributes:
-        data: The bytes.
-        starts: Where each record begins, shape (N,).
-        opcodes: Their kinds, shape (N,).
-    """
-
-    data: memoryview
-    starts: np.ndarray
-    opcodes: np.ndarray
+    data: memoryview  # the bytes
+    starts: np.ndarray  # where each record begins, shape (N,)
+    opcodes: np.ndarray  # their kinds, shape (N,)
 
 
 def packed_chunk(record: memoryview, exact: bool = False) -> PackedChunk | None:
@@ -250,23 +233,14 @@ SIZES = 16  # bytes of both sizes of the content, after the name of its compress
 
 
 class Chunk(NamedTuple):
-    """Where a chunk lies.
+    """Where a chunk lies."""
 
-    Attributes:
-        first: First log time [ns].
-        last: Last log time [ns].
-        offset: Where it begins in its file [bytes]; in one of sqlite3, its first row.
-        length: How long it is [bytes]; in one of sqlite3, rows from the first to the last.
-        channels: Numbers of its channels; empty where they are not known.
-        file: Number of its file.
-    """
-
-    first: int
-    last: int
-    offset: int
-    length: int
-    channels: tuple[int, ...] = ()
-    file: int = 0
+    first: int  # first log time [ns]
+    last: int  # last log time [ns]
+    offset: int  # where it begins in its file [bytes]; in one of sqlite3, its first row
+    length: int  # how long it is [bytes]; in one of sqlite3, rows from the first to the last
+    channels: tuple[int, ...] = ()  # numbers of its channels; empty where they are not known
+    file: int = 0  # number of its file
 
 
 class ChunkTable:

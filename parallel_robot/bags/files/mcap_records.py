@@ -54,15 +54,10 @@ SUMMARISED: dict[int, Any] = {
 
 
 class Damage(NamedTuple):
-    """A damaged part of a file.
+    """A damaged part of a file."""
 
-    Attributes:
-        what: What is damaged, in words.
-        length: How much of the file is lost [bytes].
-    """
-
-    what: str
-    length: int
+    what: str  # what is damaged, in words
+    length: int  # how much of the file is lost [bytes]
 
 
 Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage

@@ -314,19 +314,12 @@ FIRST, LAST = -(1 << 62), 1 << 62  # before and after all stamps and log times [
 
 
 class Span(NamedTuple):
-    """A part of a run.
+    """A part of a run."""
 
-    Attributes:
-        begin: First stamp [ns].
-        end: The stamp after the last [ns].
-        begin_heard: First log time of messages without a stamp [ns].
-        end_heard: The log time after their last [ns].
-    """
-
-    begin: int = FIRST
-    end: int = LAST
-    begin_heard: int = FIRST
-    end_heard: int = LAST
+    begin: int = FIRST  # first stamp [ns]
+    end: int = LAST  # the stamp after the last [ns]
+    begin_heard: int = FIRST  # first log time of messages without a stamp [ns]
+    end_heard: int = LAST  # the log time after their last [ns]
 
     def holds(self, topic: Topic, messages: Samples) -> np.ndarray:
         """Which messages of a topic are of this part, shape (N,)."""

@@ -27,35 +27,23 @@ ENTRY = np.dtype([('log_time', '<u8'), ('offset', '<u8')])  # of an index of mes
 
 
 class Rows(NamedTuple):
-    """Messages of a topic, in the order in which they are written.
+    """Messages of a topic, in the order in which they are written."""
 
-    Attributes:
-        topic: Its name without leading slash.
-        places: Where each stands among those of other topics that are written at once, shape (N,).
-        log_times: Times [ns], shape (N,).
-        payloads: The messages, N of any length, or bytes of shape (N, L).
-    """
-
-    topic: str
+    topic: str  # its name without leading slash
+    # where each stands among those of other topics that are written at once, shape (N,)
     places: NDArray[np.int64]
-    log_times: NDArray[np.int64]
+    log_times: NDArray[np.int64]  # times [ns], shape (N,)
+    # the messages, N of any length, or bytes of shape (N, L)
     payloads: Sequence[bytes] | NDArray[np.uint8]
 
 
 class Batch(NamedTuple):
-    """Records of messages of many topics, in their order.
-
-    Attributes:
-        records: The records.
-        ends: Bytes up to the end of each, shape (N,).
-        channels: Number of the channel of each, shape (N,).
-        log_times: Times [ns], shape (N,).
-    """
+    """Records of messages of many topics, in their order."""
 
     records: list[bytes]
-    ends: NDArray[np.int64]
-    channels: NDArray[np.int64]
-    log_times: NDArray[np.int64]
+    ends: NDArray[np.int64]  # bytes up to the end of each, shape (N,)
+    channels: NDArray[np.int64]  # number of the channel of each, shape (N,)
+    log_times: NDArray[np.int64]  # times [ns], shape (N,)
 
 
 def batch_of(numbered: Sequence[tuple[int, Rows]]) -> Batch:

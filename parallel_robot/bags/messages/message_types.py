@@ -99,31 +99,19 @@ def _store(name: str) -> Any:
 
 
 class Messages(NamedTuple):
-    """Some messages of one topic and one length, in the order of the file.
+    """Some messages of one topic and one length, in the order of the file."""
 
-    Attributes:
-        log_times: When they were recorded [ns], shape (N,).
-        payloads: The bytes, shape (N, L).
-    """
-
-    log_times: np.ndarray
-    payloads: np.ndarray
+    log_times: np.ndarray  # when they were recorded [ns], shape (N,)
+    payloads: np.ndarray  # the bytes, shape (N, L)
 
 
 class Samples(NamedTuple):
-    """Decoded messages of a topic.
+    """Decoded messages of a topic."""
 
-    Attributes:
-        joints: Names in the messages; empty where the type has none.
-        log_times: When they were recorded [ns], shape (N,).
-        stamps: Stamps of their headers [ns], shape (N,); zero where the type has none.
-        numbers: Fields by name, each shape (N, n), in the order of the joints.
-    """
-
-    joints: tuple[str, ...]
-    log_times: np.ndarray
-    stamps: np.ndarray
-    numbers: dict[str, np.ndarray]
+    joints: tuple[str, ...]  # names in the messages; empty where the type has none
+    log_times: np.ndarray  # when they were recorded [ns], shape (N,)
+    stamps: np.ndarray  # stamps of their headers [ns], shape (N,); zero where the type has none
+    numbers: dict[str, np.ndarray]  # fields by name, each shape (N, n), in the order of the joints
 
     def rows(self, chosen: np.ndarray) -> Samples:
         """Some of them, by their numbers or by a mask."""
@@ -162,20 +150,13 @@ FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
 class Channel(NamedTuple):
-    """A topic as a bag describes it.
+    """A topic as a bag describes it."""
 
-    Attributes:
-        topic: Full name, with its leading slash.
-        type: ROS type.
-        encoding: Format of the definition, e.g. ``ros2msg``.
-        definition: The type and the types in it.
-        metadata: Pairs of key and value: ``offered_qos_profiles`` (YAML), ``topic_type_hash``.
-    """
-
-    topic: str
-    type: str
-    encoding: str
-    definition: bytes
+    topic: str  # full name, with its leading slash
+    type: str  # ROS type
+    encoding: str  # format of the definition, e.g. ``ros2msg``
+    definition: bytes  # the type and the types in it
+    # pairs of key and value: ``offered_qos_profiles`` (YAML), ``topic_type_hash``
     metadata: tuple[tuple[str, str], ...]
 
 

@@ -109,14 +109,10 @@ def compare(
 
 
 class _Pair:
-    """The messages of a topic in both bags, as they come in the order of their log times.
-
-    Attributes:
-        counts: How many came from each.
-    """
+    """The messages of a topic in both bags, as they come in the order of their log times."""
 
     def __init__(self) -> None:
-        self.counts = [0, 0]
+        self.counts = [0, 0]  # how many came from each
         self._alone: deque[RecordedMessage] = deque()  # without their like so far, of one side
         self._side = 0
         self._found: tuple[int, str] | None = None

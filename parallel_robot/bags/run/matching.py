@@ -21,42 +21,28 @@ MIX = np.uint64(0x9E3779B97F4A7C15)  # odd: powers of it tell the joints apart
 
 
 class Answers(NamedTuple):
-    """Commands of a run with the states that they answer, in their order.
+    """Commands of a run with the states that they answer, in their order."""
 
-    Attributes:
-        states: Stamp of the state that each answers [ns], shape (R,); 0: it answers none.
-        references: Stamp of the reference that it used [ns], shape (R,).
-        acts: Time from which on it acts, as far as the controller knew [ns], shape (R,).
-        torque: The commands [N m], NaN where they are not ones, shape (R, n).
-        lost: When the records of commands were heard that are between the first and the last one
-            and that the bag lacks [ns].
-        gaps: When the commands were heard with which records begin anew [ns].
-    """
-
-    states: np.ndarray
-    references: np.ndarray
-    acts: np.ndarray
-    torque: np.ndarray
+    states: np.ndarray  # stamp of the state that each answers [ns], shape (R,); 0: it answers none
+    references: np.ndarray  # stamp of the reference that it used [ns], shape (R,)
+    acts: np.ndarray  # time from which on it acts, as far as the controller knew [ns], shape (R,)
+    torque: np.ndarray  # the commands [N m], NaN where they are not ones, shape (R, n)
+    # when the records of commands were heard that are between the first and the last one and
+    # that the bag lacks [ns]
     lost: np.ndarray = NONE
-    gaps: np.ndarray = NONE
+    gaps: np.ndarray = NONE  # when the commands were heard with which records begin anew [ns]
 
 
 class Used(NamedTuple):
-    """References that the controller used.
+    """References that the controller used."""
 
-    Attributes:
-        stamps: Stamp of the reference used at each state [ns], shape (N,); 0 without an answer.
-        acts: Time from which on the torque of each state acts [ns], shape (N,).
-        late: Whether a newer one for that time came too late, shape (N,).
-        older: The states for which another reference counts than that of their stamp, shape (K,).
-        samples: References of those states as they were published, each shape (K, n).
-    """
-
+    # stamp of the reference used at each state [ns], shape (N,); 0 without an answer
     stamps: np.ndarray
-    acts: np.ndarray
-    late: np.ndarray
+    acts: np.ndarray  # time from which on the torque of each state acts [ns], shape (N,)
+    late: np.ndarray  # whether a newer one for that time came too late, shape (N,)
+    # the states for which another reference counts than that of their stamp, shape (K,)
     older: np.ndarray
-    samples: JointReference
+    samples: JointReference  # references of those states as they were published, each shape (K, n)
 
     def rows(self, chosen: np.ndarray) -> Used:
         """The references of some states, by their numbers in order."""

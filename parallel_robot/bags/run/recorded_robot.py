@@ -32,17 +32,11 @@ UNKNOWN = (
 
 
 class RobotCode(NamedTuple):
-    """What may run to know the robot of a bag.
+    """What may run to know the robot of a bag."""
 
-    Attributes:
-        trust: Whether its file in the bag may.
-        files: Files of the user's, which come first.
-        told: Whether the user is told what runs, see :func:`custom_files`.
-    """
-
-    trust: bool = False
-    files: tuple[str, ...] = ()
-    told: bool = True
+    trust: bool = False  # whether its file in the bag may
+    files: tuple[str, ...] = ()  # files of the user's, which come first
+    told: bool = True  # whether the user is told what runs, see :func:`custom_files`
 
 
 NONE = RobotCode()

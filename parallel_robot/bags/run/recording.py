@@ -98,17 +98,12 @@ TRIES = 1, 30, None  # margins before a window [SLACK] from where on it is looke
 
 
 class Recording(NamedTuple):
-    """What a bag holds.
+    """What a bag holds."""
 
-    Attributes:
-        log: The run, or a window of it.
-        history: What happened beside the motion, in the whole bag.
-        extra: Messages of the other topics that were asked for; without those that the bag does
-            not have for these joints.
-    """
-
-    log: RunLog
-    history: History
+    log: RunLog  # the run, or a window of it
+    history: History  # what happened beside the motion, in the whole bag
+    # messages of the other topics that were asked for; without those that the bag does not
+    # have for these joints
     extra: dict[Topic, Samples]
 
 

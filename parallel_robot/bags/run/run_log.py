@@ -24,15 +24,11 @@ from parallel_robot_model.robots.registry import units_of
 
 @dataclass(frozen=True)
 class TopicCount:
-    """Messages of a topic.
+    """Messages of a topic."""
 
-    Attributes:
-        count: How many the bag holds.
-        missing: How many were published between the first and the last one and are not there. A
-            state that the controller left out has no command and no telemetry: none is missing.
-    """
-
-    count: int
+    count: int  # how many the bag holds
+    # how many were published between the first and the last one and are not there. A state
+    # that the controller left out has no command and no telemetry: none is missing
     missing: int
 
 
@@ -95,59 +91,39 @@ EMPTY = np.zeros((0, 0))
 
 
 class RunLog(NamedTuple):
-    """A recorded run with one row for each state, the reference at the stamp of the state.
+    """A recorded run with one row for each state, the reference at the stamp of the state."""
 
-    Attributes:
-        scenario: Name of the scenario.
-        law: Name of the law.
-        joints: Names of the actuated joints.
-        config: The resolved configuration.
-        start_stamp: Stamp of t = 0 [ns].
-        stamps: Stamps of the states [ns], shape (N,).
-        time: Stamps since t = 0 [s], shape (N,).
-        position: Measured actuated angles [rad], shape (N, n).
-        velocity: Measured actuated rates, NaN where the bag has none [rad/s], shape (N, n).
-        effort: Torques applied during the step that ended at the stamp; those commanded where the
-            bag has none [N m], shape (N, n).
-        reference_position: Desired angles [rad], shape (N, n).
-        reference_velocity: Desired rates [rad/s], shape (N, n).
-        reference_acceleration: Desired accelerations [rad/s^2], shape (N, n).
-        command: Commanded torques in the order of the messages [N m], shape (M, n).
-        messages: Counts per topic, by name without leading slash.
-        answer: Command that answered each state [N m], NaN where there is none, shape (N, n).
-        heard: Log times of the states [ns], shape (N,).
-        answers: The commands with the states that they answer; None where the bag does not say.
-        used: References that the controller used; None in bags that do not say.
-        has_efforts: Whether the torques were measured, as far as the robot does.
-        warnings: What is wrong with the bag, one line each.
-        referenced: Whether a state has a reference of its time, as the controller sees it; without
-            one it has no error, shape (N,).
-        foreign: Whether the bag does not say of which robot it is: nothing is written into it
-            that nobody asked for.
-    """
-
-    scenario: str
-    law: str
-    joints: tuple[str, ...]
-    config: dict[str, Any]
-    start_stamp: int
-    stamps: np.ndarray
-    time: np.ndarray
-    position: np.ndarray
+    scenario: str  # name of the scenario
+    law: str  # name of the law
+    joints: tuple[str, ...]  # names of the actuated joints
+    config: dict[str, Any]  # the resolved configuration
+    start_stamp: int  # stamp of t = 0 [ns]
+    stamps: np.ndarray  # stamps of the states [ns], shape (N,)
+    time: np.ndarray  # stamps since t = 0 [s], shape (N,)
+    position: np.ndarray  # measured actuated angles [rad], shape (N, n)
+    # measured actuated rates, NaN where the bag has none [rad/s], shape (N, n)
     velocity: np.ndarray
+    # torques applied during the step that ended at the stamp; those commanded where the bag
+    # has none [N m], shape (N, n)
     effort: np.ndarray
-    reference_position: np.ndarray
-    reference_velocity: np.ndarray
-    reference_acceleration: np.ndarray
-    command: np.ndarray
-    messages: dict[str, TopicCount]
+    reference_position: np.ndarray  # desired angles [rad], shape (N, n)
+    reference_velocity: np.ndarray  # desired rates [rad/s], shape (N, n)
+    reference_acceleration: np.ndarray  # desired accelerations [rad/s^2], shape (N, n)
+    command: np.ndarray  # commanded torques in the order of the messages [N m], shape (M, n)
+    messages: dict[str, TopicCount]  # counts per topic, by name without leading slash
+    # command that answered each state [N m], NaN where there is none, shape (N, n)
     answer: np.ndarray = EMPTY
-    heard: np.ndarray = EMPTY
+    heard: np.ndarray = EMPTY  # log times of the states [ns], shape (N,)
+    # the commands with the states that they answer; None where the bag does not say
     answers: Answers | None = None
-    used: Used | None = None
-    has_efforts: bool = True
-    warnings: tuple[str, ...] = ()
+    used: Used | None = None  # references that the controller used; None in bags that do not say
+    has_efforts: bool = True  # whether the torques were measured, as far as the robot does
+    warnings: tuple[str, ...] = ()  # what is wrong with the bag, one line each
+    # whether a state has a reference of its time, as the controller sees it; without one it
+    # has no error, shape (N,)
     referenced: np.ndarray = EMPTY
+    # whether the bag does not say of which robot it is: nothing is written into it that
+    # nobody asked for
     foreign: bool = False
 
     @property
@@ -258,15 +234,11 @@ FEW = 0.01  # share of samples at which a reference of steps moves at most
 
 
 class ReferenceMoves:
-    """Where the reference of a run moves, part by part.
-
-    Attributes:
-        rows: Number of its samples.
-    """
+    """Where the reference of a run moves, part by part."""
 
     def __init__(self, end: float = math.inf) -> None:
         """Begin; `end`: time up to which the run is looked at [s]."""
-        self.rows = 0
+        self.rows = 0  # number of its samples
         self._end = np.nextafter(end, math.inf)
         self._before = np.empty((0, 0))  # the last row
         self._last_time = math.nan

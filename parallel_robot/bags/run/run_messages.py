@@ -226,23 +226,16 @@ FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 
 
 class RunMessages(NamedTuple):
-    """Messages of a run, each kind in one piece.
+    """Messages of a run, each kind in one piece."""
 
-    Attributes:
-        states: In the order of their stamps, with velocities, NaN where the bag has none.
-        references: In the order of their stamps.
-        commands: In their own order, NaN where no robot can obey.
-        recorded: The commands with the states that they answer; None where the bag does not say.
-        streams: All messages of its topics, those of other publishers left out.
-        warnings: What was left out or put in order, one line each.
-    """
-
-    states: Samples
-    references: Samples
-    commands: Samples
+    states: Samples  # in the order of their stamps, with velocities, NaN where the bag has none
+    references: Samples  # in the order of their stamps
+    commands: Samples  # in their own order, NaN where no robot can obey
+    # the commands with the states that they answer; None where the bag does not say
     recorded: Answers | None
+    # all messages of its topics, those of other publishers left out
     streams: Mapping[Topic, list[Samples]]
-    warnings: list[str]
+    warnings: list[str]  # what was left out or put in order, one line each
 
 
 def of(

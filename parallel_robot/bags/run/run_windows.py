@@ -27,13 +27,7 @@ Result = TypeVar('Result')
 
 
 class RunWindows:
-    """A run in windows; references and commands may be missing.
-
-    Attributes:
-        log: The run without its states.
-        history: What happened beside the motion.
-        period: Time between two states [s]; 0 where there are no two.
-    """
+    """A run in windows; references and commands may be missing."""
 
     def __init__(self, bag: Path, view: BagView = AS_RECORDED) -> None:
         """Open a bag.
@@ -47,6 +41,8 @@ class RunWindows:
         """
         self._bag, self._view = bag, view
         self._whole: Recording | None = None
+        # log: the run without its states; history: what happened beside the motion;
+        # period: time between two states [s]; 0 where there are no two
         self.log, self.history, self.period = self._evaluated(_begun)
 
     def evaluated(self, evaluate: Callable[[Iterator[RunLog]], Result]) -> Result:
@@ -218,17 +214,11 @@ GROUPS = ('estimator', 'safety', 'approach', 'controller')  # of the controller,
 
 
 class Stretch(NamedTuple):
-    """A part of a run with one law and one set of gains.
+    """A part of a run with one law and one set of gains."""
 
-    Attributes:
-        begin: When it begins, since t = 0 [s].
-        law: The active law.
-        change: What changed at its begin, for people; empty for the first one.
-    """
-
-    begin: float
-    law: str
-    change: str = ''
+    begin: float  # when it begins, since t = 0 [s]
+    law: str  # the active law
+    change: str = ''  # what changed at its begin, for people; empty for the first one
 
 
 def stretches_of_run(past: History, log: RunLog) -> list[Stretch]:

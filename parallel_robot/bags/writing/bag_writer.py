@@ -28,16 +28,12 @@ from parallel_robot_model.processes.ending_signals import ending_signals
 
 
 class RecordFile:
-    """A file for mcap's writer: each write reaches the operating system whole or not at all.
-
-    Attributes:
-        written_at: Time of the last write on the monotonic clock [s].
-    """
+    """A file for mcap's writer: each write reaches the operating system whole or not at all."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open('xb', buffering=0)
         self._end = 0
-        self.written_at = time.monotonic()
+        self.written_at = time.monotonic()  # time of the last write on the monotonic clock [s]
 
     @property
     def closed(self) -> bool:
@@ -83,11 +79,6 @@ class BagWriter:
 
     A finished chunk is handed to the operating system at once, so it survives the end of this
     process. When the disk is full, the file ends with the last whole record.
-
-    Attributes:
-        directory: The bag.
-        written: Messages written, by topic name without leading slash.
-        certificates: What :meth:`close` writes of the messages, by topic name; nothing if empty.
     """
 
     def __init__(
@@ -104,8 +95,10 @@ class BagWriter:
             BagError: the directory exists or cannot be created.
             OSError: the disk is full or gone.
         """
-        self.directory = Path(directory)
+        self.directory = Path(directory)  # the bag
+        # messages written, by topic name without leading slash
         self.written: Counter[str] = Counter()
+        # what :meth:`close` writes of the messages, by topic name; nothing if empty
         self.certificates: dict[str, Certificate] = {}
         self._metadata = dict(metadata)
         self._first: int | None = None

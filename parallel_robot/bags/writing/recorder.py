@@ -55,27 +55,21 @@ MEASURED = (  # stamped when the state was measured, which may be before it was 
 
 
 class TopicStream:
-    """The messages of one topic: counted, and how their log times are found.
-
-    Attributes:
-        topic: One of the suite's, or any other.
-        channel: How the topic is written.
-        of_suite: Whether it is one of the suite's.
-        stamp_of: Reads the stamp of a message [ns]; None for types without one.
-        received: Messages taken.
-    """
+    """The messages of one topic: counted, and how their log times are found."""
 
     def __init__(self, topic: Topic, channel: Channel, joints: int = 0) -> None:
         """Begin without messages; `joints`: how many the robot has, for topics of the suite."""
+        # topic: one of the suite's, or any other; channel: how the topic is written
         self.topic, self.channel = topic, channel
-        self.of_suite = topic in RECORDED
+        self.of_suite = topic in RECORDED  # whether it is one of the suite's
         self.is_log, self.is_state = topic == ANSWERED, topic == JOINT_STATES
         self.is_measured = topic in MEASURED
         self.is_law, self.is_status = topic == ACTIVE_LAW, topic == STATUS
         stamped = self.of_suite and topic.type not in UNSTAMPED
         read_stamp = partial(last_state, joints=joints) if self.is_log else header_stamp
+        # reads the stamp of a message [ns]; None for types without one
         self.stamp_of = read_stamp if stamped else None
-        self.received = 0
+        self.received = 0  # messages taken
         self._missing: int | None = None
         self._restarted = False
         self._number = 0  # of the last message; 0: none had one

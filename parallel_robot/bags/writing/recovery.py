@@ -31,23 +31,17 @@ WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)
 
 @dataclass(repr=False)
 class Recovery(ShownResult):
-    """What was kept and what was lost.
+    """What was kept and what was lost."""
 
-    Attributes:
-        kept: Messages copied, by full name of the topic.
-        chunks: Chunks copied.
-        written: Messages in the broken bag by its own count, by topic; empty without a count.
-        written_chunks: Chunks in the broken bag by its own count.
-        missing: Messages missing from the regular stamps, by name without leading slash.
-        damage: Damaged places.
-    """
-
+    # messages copied, by full name of the topic
     kept: Counter[str] = field(default_factory=Counter)
-    chunks: int = 0
+    chunks: int = 0  # chunks copied
+    # messages in the broken bag by its own count, by topic; empty without a count
     written: Counter[str] = field(default_factory=Counter)
-    written_chunks: int = 0
+    written_chunks: int = 0  # chunks in the broken bag by its own count
+    # messages missing from the regular stamps, by name without leading slash
     missing: dict[str, int] = field(default_factory=dict)
-    damage: list[Damage] = field(default_factory=list)
+    damage: list[Damage] = field(default_factory=list)  # damaged places
 
     def parts(self) -> list[Part]:
         """What was kept and lost, and messages lost by topic."""

@@ -221,16 +221,11 @@ def node_parameters(
 
 
 class End(NamedTuple):
-    """How a motion ended.
+    """How a motion ended."""
 
-    Attributes:
-        driven_out: Whether the robot was driven out of its workspace.
-        signal: Number of the signal that ended it; 0: none.
-        doubts: What the theory says against the gains of its law, and what the nodes doubted.
-    """
-
-    driven_out: bool = False
-    signal: int = 0
+    driven_out: bool = False  # whether the robot was driven out of its workspace
+    signal: int = 0  # number of the signal that ended it; 0: none
+    # what the theory says against the gains of its law, and what the nodes doubted
     doubts: tuple[str, ...] = ()
 
 

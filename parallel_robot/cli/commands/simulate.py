@@ -307,20 +307,14 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
 
 
 class _Run:
-    """The parts of a run as they come; what is told of them is kept.
-
-    Attributes:
-        last: The last part.
-        summary: What is told of all of them.
-        figures: Returns the metrics of the run.
-    """
+    """The parts of a run as they come; what is told of them is kept."""
 
     def __init__(self, parts: Iterator[Simulation]) -> None:
         self._parts = parts
         self._running: SimulatedFigures | None = None
-        self.last: Simulation
-        self.summary = RunSummary()
-        self.figures = functools.cache(self._figures)
+        self.last: Simulation  # the last part
+        self.summary = RunSummary()  # what is told of all of them
+        self.figures = functools.cache(self._figures)  # returns the metrics of the run
 
     def __iter__(self) -> Iterator[Simulation]:
         for part in self._parts:

@@ -74,17 +74,11 @@ NOT_RUN = 'is of another protocol or of other samples, so nothing was run'
 
 @dataclass(frozen=True, repr=False)
 class Checked(ShownResult):
-    """What a second run says of a score.
+    """What a second run says of a score."""
 
-    Attributes:
-        path: The file.
-        differences: What differs, a line each; empty if the score is the same.
-        runs: Number of runs of each law and kind of gains; 0 if it is of another protocol.
-    """
-
-    path: Path
-    differences: tuple[str, ...]
-    runs: int
+    path: Path  # the file
+    differences: tuple[str, ...]  # what differs, a line each; empty if the score is the same
+    runs: int  # number of runs of each law and kind of gains; 0 if it is of another protocol
 
     def parts(self) -> list[Part]:
         """What differs, or that nothing does."""

@@ -46,15 +46,10 @@ SHIPPED = 'of the suite'
 
 @dataclass(frozen=True)
 class Competitors:
-    """The laws that are judged.
+    """The laws that are judged."""
 
-    Attributes:
-        names: Their names, in order.
-        files: Files of those that are not of the suite.
-    """
-
-    names: tuple[str, ...]
-    files: tuple[Path, ...]
+    names: tuple[str, ...]  # their names, in order
+    files: tuple[Path, ...]  # files of those that are not of the suite
 
     @property
     def code(self) -> dict[str, Any]:
@@ -100,15 +95,11 @@ MEASURE = 'excess_chattering'
 
 
 class TunedGains(NamedTuple):
-    """What a search took.
+    """What a search took."""
 
-    Attributes:
-        values: Keys of the configuration and their values; empty where all trials failed.
-        within: Whether these gains keep to the effort.
-    """
-
+    # keys of the configuration and their values; empty where all trials failed
     values: Mapping[str, Any]
-    within: bool
+    within: bool  # whether these gains keep to the effort
 
 
 def tuned_gains(

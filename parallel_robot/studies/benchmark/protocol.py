@@ -32,55 +32,33 @@ ENDS = ('low', 'high')  # of a distribution of forces, which are multiplied
 
 @dataclass(frozen=True)
 class Search:
-    """The search for the tuned gains of a law on a robot.
+    """The search for the tuned gains of a law on a robot."""
 
-    Attributes:
-        trials: Gains that are tried.
-        runs: Robots of each trial.
-        seed: Seed of these robots and of the proposals.
-        chattering: Most excess chattering, as a share of the force of the robot.
-        search: Keys that are searched beside the gains.
-        bounds: Where gains are searched, as words of ``tune --bounds``.
-    """
-
-    trials: int
-    runs: int
-    seed: int
-    chattering: float
-    search: tuple[str, ...]
-    bounds: tuple[str, ...]
+    trials: int  # gains that are tried
+    runs: int  # robots of each trial
+    seed: int  # seed of these robots and of the proposals
+    chattering: float  # most excess chattering, as a share of the force of the robot
+    search: tuple[str, ...]  # keys that are searched beside the gains
+    bounds: tuple[str, ...]  # where gains are searched, as words of ``tune --bounds``
 
 
 @dataclass(frozen=True)
 class Trouble:
-    """What is unknown, and what else is set: of a mix, or of one on a robot.
+    """What is unknown, and what else is set: of a mix, or of one on a robot."""
 
-    Attributes:
-        fixed: Keys of the configuration and their values.
-        uncertain: Uncertain parameters by key.
-    """
-
-    fixed: Mapping[str, Any]
-    uncertain: Mapping[str, Uncertainty]
+    fixed: Mapping[str, Any]  # keys of the configuration and their values
+    uncertain: Mapping[str, Uncertainty]  # uncertain parameters by key
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot of the protocol.
-
-    Attributes:
-        name: Its name.
-        scenario: Its scenario.
-        force: In what the mixes give forces [N m], or [N] of slides.
-        motions: Shapes of its motions.
-        mixes: Its troubles by name of the mix.
-    """
+    """A robot of the protocol."""
 
     name: str
     scenario: str
-    force: float
-    motions: tuple[str, ...]
-    mixes: Mapping[str, Trouble]
+    force: float  # in what the mixes give forces [N m], or [N] of slides
+    motions: tuple[str, ...]  # shapes of its motions
+    mixes: Mapping[str, Trouble]  # its troubles by name of the mix
 
     @property
     def unit(self) -> str:
@@ -90,33 +68,19 @@ class Robot:
 
 @dataclass(frozen=True)
 class Protocol:
-    """A protocol.
+    """A protocol."""
 
-    Attributes:
-        name: Name of its file.
-        version: Its number.
-        digest: SHA-256 of all that counts: its file, the scenarios and the robots.
-        duration: Length of a run [s].
-        seed: Of robots, noise and delays.
-        scrambles: Independent sequences of samples.
-        speeds: Factors of the speed of a motion.
-        ages: Keys that tell the age of a state, or hide it, by name.
-        robots: The robots.
-        search: The search for gains.
-        quick: Whether it is only the first look that the protocol allows.
-    """
-
-    name: str
-    version: int
-    digest: str
-    duration: float
-    seed: int
-    scrambles: int
-    speeds: tuple[float, ...]
-    ages: Mapping[str, Mapping[str, Any]]
+    name: str  # name of its file
+    version: int  # its number
+    digest: str  # SHA-256 of all that counts: its file, the scenarios and the robots
+    duration: float  # length of a run [s]
+    seed: int  # of robots, noise and delays
+    scrambles: int  # independent sequences of samples
+    speeds: tuple[float, ...]  # factors of the speed of a motion
+    ages: Mapping[str, Mapping[str, Any]]  # keys that tell the age of a state, or hide it, by name
     robots: tuple[Robot, ...]
-    search: Search
-    quick: bool
+    search: Search  # the search for gains
+    quick: bool  # whether it is only the first look that the protocol allows
 
 
 def read(name: str = DEFAULT, quick: bool = False, phrase: str | None = None) -> Protocol:
@@ -261,25 +225,15 @@ THIRD = 3  # as many levels have motion, speed and mix
 
 @dataclass(frozen=True)
 class Condition:
-    """What a law is judged in.
-
-    Attributes:
-        robot: The robot.
-        motion: Shape of the motion.
-        speed: Factor of its speed.
-        mix: Name of the mix of trouble.
-        age: Whether the age of a state is told or hidden.
-        samples: Scramble to the number of the sample in it.
-        first: Number of its first sample among those of the protocol.
-    """
+    """What a law is judged in."""
 
     robot: Robot
-    motion: str
-    speed: float
-    mix: str
-    age: str
-    samples: Mapping[int, int]
-    first: int
+    motion: str  # shape of the motion
+    speed: float  # factor of its speed
+    mix: str  # name of the mix of trouble
+    age: str  # whether the age of a state is told or hidden
+    samples: Mapping[int, int]  # scramble to the number of the sample in it
+    first: int  # number of its first sample among those of the protocol
 
     @cached_property
     def labels(self) -> dict[str, str]:

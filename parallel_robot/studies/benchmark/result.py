@@ -33,23 +33,14 @@ MOST_DIFFERENCES = 10  # that are told
 
 @dataclass(frozen=True, repr=False)
 class Scores(ShownResult):
-    """The scores of a benchmark.
-
-    Attributes:
-        protocol: Its protocol.
-        phrase: The phrase from which its samples were drawn; None for the public ones.
-        laws: The laws.
-        gains: Their tuned gains by law and robot.
-        runs: Law, and 'default' or 'tuned', to its runs.
-        seconds: How long it took [s].
-    """
+    """The scores of a benchmark."""
 
     protocol: Protocol
-    phrase: str | None
+    phrase: str | None  # the phrase from which its samples were drawn; None for the public ones
     laws: Competitors
-    gains: Gains
-    runs: Mapping[str, Mapping[str, list[ScoredRun]]]
-    seconds: float
+    gains: Gains  # their tuned gains by law and robot
+    runs: Mapping[str, Mapping[str, list[ScoredRun]]]  # law, and 'default' or 'tuned', to its runs
+    seconds: float  # how long it took [s]
 
     @cached_property
     def summaries(self) -> list[tuple[str, str, dict[str, dict[str, Summary]]]]:

@@ -24,46 +24,27 @@ RUNS, LIMITS, SEARCHES = 'runs.jsonl', 'limits.jsonl', 'searches'
 
 
 class RunKey(NamedTuple):
-    """Which run it is.
+    """Which run it is."""
 
-    Attributes:
-        law: Name of the law.
-        gains: 'default' or 'tuned'.
-        sample: Number of the sample.
-    """
-
-    law: str
-    gains: str
-    sample: int
+    law: str  # name of the law
+    gains: str  # 'default' or 'tuned'
+    sample: int  # number of the sample
 
 
 class RunFigures(NamedTuple):
-    """What came of a run, in SI units.
+    """What came of a run, in SI units."""
 
-    Attributes:
-        status: ok, fault or failed.
-        reason: Why it is not ok; empty if it is.
-        error: Root mean square of the true error [m], or [rad] of joints; NaN without metrics.
-        chattering: Of the torques [N m].
-        torque: Root mean square of the torques [N m].
-        energy: Energy of the motors [J].
-    """
-
-    status: str
-    reason: str = ''
+    status: str  # ok, fault or failed
+    reason: str = ''  # why it is not ok; empty if it is
+    # root mean square of the true error [m], or [rad] of joints; NaN without metrics
     error: float = math.nan
-    chattering: float = math.nan
-    torque: float = math.nan
-    energy: float = math.nan
+    chattering: float = math.nan  # of the torques [N m]
+    torque: float = math.nan  # root mean square of the torques [N m]
+    energy: float = math.nan  # energy of the motors [J]
 
 
 class Store(LockedDirectory):
-    """The directory of a benchmark.
-
-    Attributes:
-        runs: What came of each run.
-        limits: Sample to its limit by chattering; None where it has none.
-    """
+    """The directory of a benchmark."""
 
     KIND = 'benchmark'
     MANIFEST = 'benchmark.json'
@@ -78,7 +59,8 @@ class Store(LockedDirectory):
             identity: What the runs depend on, plain data by name; another one is refused.
         """
         super().__init__(directory)
-        self.runs: dict[RunKey, RunFigures] = {}
+        self.runs: dict[RunKey, RunFigures] = {}  # what came of each run
+        # sample to its limit by chattering; None where it has none
         self.limits: dict[int, Calm | None] = {}
         self._identity = json.loads(json.dumps(dict(identity)))
 
@@ -176,43 +158,25 @@ WHOLE = 'all'
 
 
 class ScoredRun(NamedTuple):
-    """A run with its score.
+    """A run with its score."""
 
-    Attributes:
-        labels: Its robot, motion, speed, mix and age.
-        scramble: Of which scramble its sample is.
-        score: The limit over the true error, at the chattering of the run; 0 for a failure.
-        figures: What came of it.
-    """
-
-    labels: Mapping[str, str]
-    scramble: int
-    score: float
-    figures: RunFigures
+    labels: Mapping[str, str]  # its robot, motion, speed, mix and age
+    scramble: int  # of which scramble its sample is
+    score: float  # the limit over the true error, at the chattering of the run; 0 for a failure
+    figures: RunFigures  # what came of it
 
 
 class Summary(NamedTuple):
-    """The scores of some runs.
+    """The scores of some runs."""
 
-    Attributes:
-        median: Median score, with its interval between scrambles.
-        tail: Score than which 5 % are worse, likewise.
-        runs: Number of runs.
-        failed: How many failed or ended in a fault.
-        below: How many are below the limit: none should be.
-        chattering: Median over the runs that are ok [N m].
-        torque: Likewise, the root mean square.
-        energy: Likewise [J].
-    """
-
-    median: Estimate
-    tail: Estimate
-    runs: int
-    failed: int
-    below: int
-    chattering: float
-    torque: float
-    energy: float
+    median: Estimate  # median score, with its interval between scrambles
+    tail: Estimate  # score than which 5 % are worse, likewise
+    runs: int  # number of runs
+    failed: int  # how many failed or ended in a fault
+    below: int  # how many are below the limit: none should be
+    chattering: float  # median over the runs that are ok [N m]
+    torque: float  # likewise, the root mean square
+    energy: float  # likewise [J]
 
 
 def score(figures: RunFigures, calm: Calm | None) -> float:

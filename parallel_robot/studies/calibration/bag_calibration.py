@@ -51,19 +51,12 @@ STRAY = 6.0  # of the noise, an error that is doubted
 
 @dataclass(frozen=True, repr=False)
 class Calibration(ShownResult):
-    """What measured poses tell of a robot.
-
-    Attributes:
-        bag: The bag.
-        model: What was looked for.
-        found: What was found.
-        warnings: What was not used, and what to doubt, one line each.
-    """
+    """What measured poses tell of a robot."""
 
     bag: Path
-    model: PoseModel
-    found: Fit
-    warnings: tuple[str, ...]
+    model: PoseModel  # what was looked for
+    found: Fit  # what was found
+    warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
     @property
     def robot(self) -> RobotModel:

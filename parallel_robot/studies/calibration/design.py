@@ -117,38 +117,23 @@ INNER = 7  # points of a way between its ends, and of a rest
 
 @dataclass(frozen=True, repr=False)
 class Designed(ShownResult):
-    """Poses that tell most.
+    """Poses that tell most."""
 
-    Attributes:
-        robot: Name of the robot.
-        names: Names of the coordinates.
-        units: Their units.
-        joints: Names of the joints.
-        time: Middle of the rest at each pose [s], shape (N,).
-        poses: The poses in the order in which they are visited, shape (N, m).
-        position: Actuated joints at them [rad], shape (N, n).
-        error: Error of the calibrated robot that is to be expected over its reach, rms, for a
-            noise of NOISE [m], or [rad] without a plane.
-        at_random: The same with as many poses at random, the median of RANDOM choices.
-        condition: Condition number of what is looked for.
-        unit: Unit of the errors.
-        motion: Keys of a motion that visits them.
-        joint_units: Units of the joints.
-    """
-
-    robot: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    joints: tuple[str, ...]
-    time: Array
-    poses: Array
-    position: Array
+    robot: str  # name of the robot
+    names: tuple[str, ...]  # names of the coordinates
+    units: tuple[str, ...]  # their units
+    joints: tuple[str, ...]  # names of the joints
+    time: Array  # middle of the rest at each pose [s], shape (N,)
+    poses: Array  # the poses in the order in which they are visited, shape (N, m)
+    position: Array  # actuated joints at them [rad], shape (N, n)
+    # error of the calibrated robot that is to be expected over its reach, rms, for a noise
+    # of NOISE [m], or [rad] without a plane
     error: float
-    at_random: float
-    condition: float
-    unit: str
-    motion: dict[str, dict[str, Any]]
-    joint_units: JointUnits = HINGES
+    at_random: float  # the same with as many poses at random, the median of RANDOM choices
+    condition: float  # condition number of what is looked for
+    unit: str  # unit of the errors
+    motion: dict[str, dict[str, Any]]  # keys of a motion that visits them
+    joint_units: JointUnits = HINGES  # units of the joints
 
     def parts(self) -> list[Part]:
         """The poses, and what they tell."""

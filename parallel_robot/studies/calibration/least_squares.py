@@ -32,31 +32,18 @@ FAR = 1e6  # of the noise, in place of poses that there are not
 
 @dataclass(frozen=True)
 class Fit:
-    """Least-squares estimate of what is unknown.
+    """Least-squares estimate of what is unknown."""
 
-    Attributes:
-        values: Estimates, shape (P,).
-        covariance: Of the estimates, shape (P, P); zero for those that keep their values.
-        interval: Half width of a 95 % interval over the standard error.
-        noise: Standard deviation of the measured coordinates, shape (k,).
-        kept: Numbers of those that keep their values, as the poses cannot tell them.
-        untold: Combinations that they cannot tell, unit vectors, shape (len(kept), P).
-        left: What is left of the poses, shape (N, k).
-        before: What was left before, shape (N, k).
-        slopes: Derivatives of the predicted poses, shape (N, k, P).
-        condition: Condition number of the weighted Jacobian of those that are told.
-    """
-
-    values: Array
-    covariance: Array
-    interval: float
-    noise: Array
-    kept: tuple[int, ...]
-    untold: Array
-    left: Array
-    before: Array
-    slopes: Array
-    condition: float
+    values: Array  # estimates, shape (P,)
+    covariance: Array  # of the estimates, shape (P, P); zero for those that keep their values
+    interval: float  # half width of a 95 % interval over the standard error
+    noise: Array  # standard deviation of the measured coordinates, shape (k,)
+    kept: tuple[int, ...]  # numbers of those that keep their values, as the poses cannot tell them
+    untold: Array  # combinations that they cannot tell, unit vectors, shape (len(kept), P)
+    left: Array  # what is left of the poses, shape (N, k)
+    before: Array  # what was left before, shape (N, k)
+    slopes: Array  # derivatives of the predicted poses, shape (N, k, P)
+    condition: float  # condition number of the weighted Jacobian of those that are told
 
     @property
     def half_widths(self) -> Array:

@@ -37,23 +37,14 @@ MISSING = ('', 'nan')  # what stands where a tracker saw nothing
 
 
 class TrackerFile(NamedTuple):
-    """Poses of a file.
+    """Poses of a file."""
 
-    Attributes:
-        time: When they were measured [s], since the start of the bag, shape (N,).
-        columns: Numbers of the coordinates that it has, k of them.
-        pose: The coordinates in the units of the robot, shape (N, k).
-        unused: Names of other columns.
-        missing: Number of lines without a pose.
-        total: Number of the others.
-    """
-
-    time: Array
-    columns: tuple[int, ...]
-    pose: Array
-    unused: tuple[str, ...]
-    missing: int
-    total: int
+    time: Array  # when they were measured [s], since the start of the bag, shape (N,)
+    columns: tuple[int, ...]  # numbers of the coordinates that it has, k of them
+    pose: Array  # the coordinates in the units of the robot, shape (N, k)
+    unused: tuple[str, ...]  # names of other columns
+    missing: int  # number of lines without a pose
+    total: int  # number of the others
 
 
 def read_file(
@@ -214,15 +205,7 @@ def margin(duration: float, states: int, poses: int) -> float:
 
 
 class NearStates:
-    """Collects states near some times, with the poses that the nominal robot has there.
-
-    Attributes:
-        first: Time of the first state [s]; NaN before it came.
-        last: That of the last one.
-        around: Time between the states before and after each pose [s]; NaN where there are none,
-            shape (N,).
-        period: Time between two states [s]; 0 where there are no two.
-    """
+    """Collects states near some times, with the poses that the nominal robot has there."""
 
     def __init__(
         self, robot: RobotModel, guess: Array, zero: Array, time: Array, margin: float
@@ -240,9 +223,13 @@ class NearStates:
         self._time, self._margin = time, margin
         self._count, self._newest = 0, FIRST
         self._parts: list[tuple[Array, Array, Array]] = []
+        # first: time of the first state [s]; NaN before it came; last: that of the last
+        # one
         self.first = self.last = np.nan
+        # time between the states before and after each pose [s]; NaN where there are
+        # none, shape (N,)
         self.around = np.full(len(time), np.nan)
-        self.period = 0.0
+        self.period = 0.0  # time between two states [s]; 0 where there are no two
 
     def add(self, log: RunLog) -> None:
         """Take the next window.
@@ -294,21 +281,13 @@ SHOWN_OF_TEXT = 60  # characters of a name
 
 
 class StampedPoses(NamedTuple):
-    """Poses in space.
+    """Poses in space."""
 
-    Attributes:
-        stamps: Of their headers [ns], shape (N,).
-        place: x, y, z [m], shape (N, 3).
-        turned: Quaternions x, y, z, w of any length but zero, shape (N, 4).
-        missing: Number of messages whose numbers are none, as where a tracker saw nothing.
-        total: Number of the others.
-    """
-
-    stamps: np.ndarray
-    place: Array
-    turned: Array
-    missing: int
-    total: int
+    stamps: np.ndarray  # of their headers [ns], shape (N,)
+    place: Array  # x, y, z [m], shape (N, 3)
+    turned: Array  # quaternions x, y, z, w of any length but zero, shape (N, 4)
+    missing: int  # number of messages whose numbers are none, as where a tracker saw nothing
+    total: int  # number of the others
 
     @property
     def phi(self) -> Array:

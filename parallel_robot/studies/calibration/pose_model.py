@@ -21,19 +21,12 @@ COUNTS = 1e-9  # change of a pose, in its units
 
 
 class Number(NamedTuple):
-    """One number of a robot's parameters.
+    """One number of a robot's parameters."""
 
-    Attributes:
-        key: Key of the parameter.
-        place: Its place in a list; None for a parameter that is a number.
-        unit: Its unit.
-        what: What it is of, if its place does not say that.
-    """
-
-    key: str
-    place: int | None
+    key: str  # key of the parameter
+    place: int | None  # its place in a list; None for a parameter that is a number
     unit: str
-    what: str = ''
+    what: str = ''  # what it is of, if its place does not say that
 
     @property
     def name(self) -> str:
@@ -120,15 +113,10 @@ CLOCK_STEP = 5e-3  # s, the same of the clock: noise of the joints must not coun
 
 
 class JointTrack(NamedTuple):
-    """Measured joints over time.
+    """Measured joints over time."""
 
-    Attributes:
-        time: Increasing [s], shape (M,).
-        position: Actuated joints as they were measured [rad], shape (M, n).
-    """
-
-    time: Array
-    position: Array
+    time: Array  # increasing [s], shape (M,)
+    position: Array  # actuated joints as they were measured [rad], shape (M, n)
 
     def at(self, time: Array) -> Array:
         """Positions at some times, between the two next measurements [rad], shape (N, n)."""
@@ -136,31 +124,15 @@ class JointTrack(NamedTuple):
 
 
 class MeasuredPoses(NamedTuple):
-    """Poses of a tracker.
+    """Poses of a tracker."""
 
-    Attributes:
-        time: When they were taken, by the clock of the joints [s], shape (N,).
-        columns: Numbers of the coordinates that were measured, k of them.
-        pose: The coordinates, shape (N, k).
-    """
-
-    time: Array
-    columns: tuple[int, ...]
-    pose: Array
+    time: Array  # when they were taken, by the clock of the joints [s], shape (N,)
+    columns: tuple[int, ...]  # numbers of the coordinates that were measured, k of them
+    pose: Array  # the coordinates, shape (N, k)
 
 
 class PoseModel:
-    """Measured poses as a function of geometry, zero angles and tracker.
-
-    Attributes:
-        robot: The nominal robot.
-        numbers: The numbers of its geometry that count.
-        unknown: All that is looked for: these, zero angles, what is free of the tracker, its
-            clock.
-        start: Values that are believed before, shape (P,).
-        measured: The poses.
-        units: Unit of each measured coordinate.
-    """
+    """Measured poses as a function of geometry, zero angles and tracker."""
 
     def __init__(
         self,
@@ -186,16 +158,20 @@ class PoseModel:
         Raises:
             InputError: the robot has nothing that is free, or its geometry does not fit.
         """
+        # robot: the nominal robot; measured: the poses
         self.robot, self.track, self.measured = robot, track, measured
         self._tracker = Tracker(robot, measured.columns, free)
-        self.units = self._tracker.units
+        self.units = self._tracker.units  # unit of each measured coordinate
         self._locate = Locator(robot)
         position = track.at(measured.time) - zero
         found = self._locate(robot, position, guesses)
         if found is None:
             raise InputError(f'the nominal {robot.name} has no pose at some of the joint angles')
         self._guesses = found
+        # the numbers of its geometry that count
         self.numbers: tuple[Number, ...] = find_numbers(robot, position, found)
+        # all that is looked for: these, zero angles, what is free of the tracker, its
+        # clock
         self.unknown = (
             *(Unknown(each.name, each.unit) for each in self.numbers),
             *(
@@ -205,7 +181,7 @@ class PoseModel:
             *self._tracker.unknown,
             Unknown('clock', 's'),
         )
-        self.start = np.zeros(len(self.unknown))
+        self.start = np.zeros(len(self.unknown))  # values that are believed before, shape (P,)
         self.start[: len(self.numbers)] = values_of(robot, self.numbers)
         self.start[self.zeros] = zero
         self.start[self._of_tracker] = self._tracker.start(found, measured.pose)

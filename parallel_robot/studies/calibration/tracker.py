@@ -27,13 +27,7 @@ class Unknown(NamedTuple):
 
 
 class Tracker:
-    """A tracker of a robot in a plane, in space, or of another one, of which nothing is free.
-
-    Attributes:
-        columns: Numbers of the coordinates that it measures, k of them.
-        units: Their units.
-        unknown: What is looked for, Q of them.
-    """
+    """A tracker of a robot in a plane, in space, or of another one, of which nothing is free."""
 
     def __init__(
         self, robot: RobotModel, columns: tuple[int, ...], free: Collection[str] = ()
@@ -50,8 +44,8 @@ class Tracker:
         """
         axes = robot.module.coordinates(robot.parameters)
         names = [axis.name for axis in axes]
-        self.columns = columns
-        self.units = tuple(axes[k].unit for k in columns)
+        self.columns = columns  # numbers of the coordinates that it measures, k of them
+        self.units = tuple(axes[k].unit for k in columns)  # their units
         self._free = [each for each in FREE if each in free]
         self._space = tuple(names) in (PLACE, PLACE + TURNS)
         if self._free and not (robot.planar or self._space):
@@ -67,7 +61,7 @@ class Tracker:
         self._rotations = [
             place for place, k in enumerate(columns) if self._space and k >= len(PLACE)
         ]
-        self.unknown = tuple(self._names())
+        self.unknown = tuple(self._names())  # what is looked for, Q of them
 
     def _names(self) -> list[Unknown]:
         found = []

@@ -31,27 +31,17 @@ from parallel_robot_sim.plant import PlantParameters
 
 @dataclass(frozen=True, repr=False)
 class Identification(ShownResult):
-    """What a bag tells of its robot.
-
-    Attributes:
-        bag: The bag.
-        joints: Names of the actuated joints.
-        found: What was identified.
-        checked: Torques as the identified robot predicts them, of the second bag if there is one.
-        validated: Whether there is.
-        rest: Noise of the sensors; None if the robot never rests.
-        lag: That of the motors; None if commands or efforts do not tell it.
-        warnings: What was not used, and what to doubt, one line each.
-    """
+    """What a bag tells of its robot."""
 
     bag: Path
-    joints: tuple[str, ...]
-    found: Identified
+    joints: tuple[str, ...]  # names of the actuated joints
+    found: Identified  # what was identified
+    # torques as the identified robot predicts them, of the second bag if there is one
     checked: Prediction
-    validated: bool
-    rest: Rest | None
-    lag: MotorLag | None
-    warnings: tuple[str, ...]
+    validated: bool  # whether there is
+    rest: Rest | None  # noise of the sensors; None if the robot never rests
+    lag: MotorLag | None  # that of the motors; None if commands or efforts do not tell it
+    warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
     @property
     def values(self) -> dict[str, Any]:

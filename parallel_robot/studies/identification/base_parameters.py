@@ -26,22 +26,15 @@ NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base parameters beta = K p of a robot, then its friction.
+    """Base parameters beta = K p of a robot, then its friction."""
 
-    Attributes:
-        names: Names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the
-            friction.
-        units: Their units.
-        kept: Columns of the regressor that are independent.
-        K: Base parameters of the inertia by p, shape (B, P).
-        joints: Number of the actuated joints.
-    """
-
+    # names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the
+    # friction
     names: tuple[str, ...]
-    units: tuple[str, ...]
-    kept: tuple[int, ...]
-    K: Array
-    joints: int
+    units: tuple[str, ...]  # their units
+    kept: tuple[int, ...]  # columns of the regressor that are independent
+    K: Array  # base parameters of the inertia by p, shape (B, P)
+    joints: int  # number of the actuated joints
 
     def of(self, inertia: Array, viscous: Array, coulomb: Array) -> Array:
         """Base parameters with these values, shape (B + 2 n,)."""

@@ -40,15 +40,11 @@ SHAPE = 'excitation'
 
 
 class Quality(NamedTuple):
-    """What a motion shows of the parameters.
+    """What a motion shows of the parameters."""
 
-    Attributes:
-        weakest: rms torque by which the worst combination is seen, for a change of 100 % [N m].
-        condition: Condition number of the scaled regressor.
-    """
-
+    # rms torque by which the worst combination is seen, for a change of 100 % [N m]
     weakest: float
-    condition: float
+    condition: float  # condition number of the scaled regressor
 
 
 NOTHING = Quality(0.0, np.inf)
@@ -56,16 +52,11 @@ NOTHING = Quality(0.0, np.inf)
 
 @dataclass(frozen=True)
 class Design:
-    """An exciting trajectory.
+    """An exciting trajectory."""
 
-    Attributes:
-        parameters: The keys ``excitation.*`` that describe it.
-        quality: What it shows of the parameters.
-        before: What the coefficients show with which the search began; None if not feasible.
-    """
-
-    parameters: dict[str, Any]
-    quality: Quality
+    parameters: dict[str, Any]  # the keys ``excitation.*`` that describe it
+    quality: Quality  # what it shows of the parameters
+    # what the coefficients show with which the search began; None if not feasible
     before: Quality | None
 
 
@@ -201,21 +192,13 @@ SEED = 0
 
 @dataclass(frozen=True, repr=False)
 class Designed(ShownResult):
-    """An exciting motion.
+    """An exciting motion."""
 
-    Attributes:
-        design: The motion, and what it shows.
-        robot: Name of its robot.
-        trials: Number of motions that were tried.
-        seed: Seed of the search.
-        units: Units of the joints.
-    """
-
-    design: Design
-    robot: str
-    trials: int
-    seed: int
-    units: JointUnits = HINGES
+    design: Design  # the motion, and what it shows
+    robot: str  # name of its robot
+    trials: int  # number of motions that were tried
+    seed: int  # seed of the search
+    units: JointUnits = HINGES  # units of the joints
 
     def parts(self) -> list[Part]:
         """What it shows of the parameters, before the search and now."""

@@ -34,17 +34,11 @@ ITERATIONS = 5  # of the delay
 
 @dataclass(frozen=True)
 class Nominal:
-    """The robot and friction of a bag's configuration.
-
-    Attributes:
-        robot: The robot.
-        friction: Friction of its joints.
-        guess: Pose near the first one, shape (m,).
-    """
+    """The robot and friction of a bag's configuration."""
 
     robot: RobotModel
-    friction: FrictionParameters
-    guess: Array
+    friction: FrictionParameters  # friction of its joints
+    guess: Array  # pose near the first one, shape (m,)
 
     @property
     def inertia(self) -> Array:
@@ -60,48 +54,29 @@ class Nominal:
 
 @dataclass(frozen=True)
 class Delay:
-    """How much older positions are than torques of the same stamp.
+    """How much older positions are than torques of the same stamp."""
 
-    Attributes:
-        value: The estimate [s].
-        half_width: Half width of its 95 % interval [s].
-        counts: Whether it is so large that it is taken into account.
-    """
-
-    value: float
-    half_width: float
-    counts: bool
+    value: float  # the estimate [s]
+    half_width: float  # half width of its 95 % interval [s]
+    counts: bool  # whether it is so large that it is taken into account
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What was found of a robot.
+    """What was found of a robot."""
 
-    Attributes:
-        nominal: Its nominal values.
-        base: Names of the base parameters.
-        before: Their nominal values, shape (B,).
-        scale: Their sizes, shape (B,).
-        fit: Their estimate.
-        robot: A physical robot that has them.
-        poor: Combinations that the motion hardly shows, with their relative standard errors.
-        squares: All rows of the regression, by their squares.
-        rows: Some of them, evenly, see :class:`SomeRows`.
-        delay: How much older positions are than torques of the same stamp.
-        period: Time between two states [s].
-    """
-
-    nominal: Nominal
-    base: BaseParameters
-    before: Array
-    scale: Array
-    fit: Fit
-    robot: PhysicalRobot
+    nominal: Nominal  # its nominal values
+    base: BaseParameters  # names of the base parameters
+    before: Array  # their nominal values, shape (B,)
+    scale: Array  # their sizes, shape (B,)
+    fit: Fit  # their estimate
+    robot: PhysicalRobot  # a physical robot that has them
+    # combinations that the motion hardly shows, with their relative standard errors
     poor: list[tuple[str, float]]
-    squares: Squares
-    rows: Rows
-    delay: Delay
-    period: float
+    squares: Squares  # all rows of the regression, by their squares
+    rows: Rows  # some of them, evenly, see :class:`SomeRows`
+    delay: Delay  # how much older positions are than torques of the same stamp
+    period: float  # time between two states [s]
 
     @property
     def left(self) -> Unexplained:
@@ -111,21 +86,13 @@ class Identified:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Torques of a run, and how far off the predicted ones are.
+    """Torques of a run, and how far off the predicted ones are."""
 
-    Attributes:
-        rows: Some rows of the run, evenly, with the measured torques.
-        torque: The torques that are predicted of them [N m], shape (T, n).
-        error: rms of their error per joint [N m], shape (n,).
-        nominal_error: The same of the nominal robot.
-        size: rms of the measured torques per joint [N m], shape (n,).
-    """
-
-    rows: Rows
-    torque: Array
-    error: Array
-    nominal_error: Array
-    size: Array
+    rows: Rows  # some rows of the run, evenly, with the measured torques
+    torque: Array  # the torques that are predicted of them [N m], shape (T, n)
+    error: Array  # rms of their error per joint [N m], shape (n,)
+    nominal_error: Array  # the same of the nominal robot
+    size: Array  # rms of the measured torques per joint [N m], shape (n,)
 
 
 def nominal_of(log: RunLog) -> Nominal:

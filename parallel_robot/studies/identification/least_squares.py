@@ -32,23 +32,14 @@ SHOWN = 0.3  # share in a unit vector from which a parameter is named
 
 @dataclass(frozen=True)
 class Fit:
-    """Least-squares estimate of the base parameters.
+    """Least-squares estimate of the base parameters."""
 
-    Attributes:
-        values: Estimates, shape (B,).
-        covariance: Of the estimates, shape (B, B).
-        interval: Half widths of 95 % intervals over the standard errors, shape (B,).
-        condition: Condition number of the weighted regressor of parameters over their sizes.
-        residual: Torques that are not explained, rms of each joint [N m], shape (n,).
-        correlation: Of what is left of the torques in one row and the next, shape (n,).
-    """
-
-    values: Array
-    covariance: Array
-    interval: Array
-    condition: float
-    residual: Array
-    correlation: Array
+    values: Array  # estimates, shape (B,)
+    covariance: Array  # of the estimates, shape (B, B)
+    interval: Array  # half widths of 95 % intervals over the standard errors, shape (B,)
+    condition: float  # condition number of the weighted regressor of parameters over their sizes
+    residual: Array  # torques that are not explained, rms of each joint [N m], shape (n,)
+    correlation: Array  # of what is left of the torques in one row and the next, shape (n,)
 
     @property
     def standard_errors(self) -> Array:
@@ -58,21 +49,13 @@ class Fit:
 
 @dataclass(frozen=True)
 class Squares:
-    """Few rows in place of many: with any weights and parameters, their squares are the same.
+    """Few rows in place of many: with any weights and parameters, their squares are the same."""
 
-    Attributes:
-        Y: Regressor, shape (K, n, B).
-        torque: Torques [N m], shape (K, n).
-        together: In how many of the many rows two joints are known, shape (n, n).
-        count: How many rows they stand for.
-        duration: Time that these represent [s].
-    """
-
-    Y: Array
-    torque: Array
-    together: Array
-    count: int
-    duration: float
+    Y: Array  # regressor, shape (K, n, B)
+    torque: Array  # torques [N m], shape (K, n)
+    together: Array  # in how many of the many rows two joints are known, shape (n, n)
+    count: int  # how many rows they stand for
+    duration: float  # time that these represent [s]
 
     def first(self, parameters: int) -> Squares:
         """The same without the parameters after so many."""
@@ -86,17 +69,11 @@ class Squares:
 
 @dataclass(frozen=True)
 class Estimate:
-    """Estimates without their uncertainty.
+    """Estimates without their uncertainty."""
 
-    Attributes:
-        values: Of the parameters, shape (B,).
-        weight: Inverse of the covariance of what is left of the torques, shape (n, n).
-        condition: See :class:`Fit`.
-    """
-
-    values: Array
-    weight: Array
-    condition: float
+    values: Array  # of the parameters, shape (B,)
+    weight: Array  # inverse of the covariance of what is left of the torques, shape (n, n)
+    condition: float  # see :class:`Fit`
 
 
 def squares_of(parts: Iterable[Rows]) -> Squares:
@@ -274,15 +251,10 @@ MUCH = 0.2  # of the torque, of which noise is seldom so much
 
 
 class Unexplained(NamedTuple):
-    """What a fit leaves of the torques.
+    """What a fit leaves of the torques."""
 
-    Attributes:
-        share: Of the torques, rms, shape (n,).
-        correlation: Of what is left in one row and the next, the median of the joints.
-    """
-
-    share: Array
-    correlation: float
+    share: Array  # of the torques, rms, shape (n,)
+    correlation: float  # of what is left in one row and the next, the median of the joints
 
     @property
     def doubt(self) -> str:
@@ -327,23 +299,14 @@ MISFIT = 0.05  # standard errors that a constraint may cost before it counts as 
 
 @dataclass(frozen=True)
 class PhysicalRobot:
-    """Physical parameters.
+    """Physical parameters."""
 
-    Attributes:
-        robot: Keys of the robot that were chosen, with their values.
-        nominal: The same keys with their nominal values.
-        viscous: Viscous friction per joint [N m s/rad].
-        coulomb: Coulomb friction per joint [N m].
-        values: Base parameters of this robot, shape (B,).
-        misfit: Largest difference to the estimate [standard errors].
-    """
-
-    robot: dict[str, Any]
-    nominal: dict[str, Any]
-    viscous: Array
-    coulomb: Array
-    values: Array
-    misfit: float
+    robot: dict[str, Any]  # keys of the robot that were chosen, with their values
+    nominal: dict[str, Any]  # the same keys with their nominal values
+    viscous: Array  # viscous friction per joint [N m s/rad]
+    coulomb: Array  # Coulomb friction per joint [N m]
+    values: Array  # base parameters of this robot, shape (B,)
+    misfit: float  # largest difference to the estimate [standard errors]
 
     @property
     def active(self) -> bool:

@@ -27,21 +27,13 @@ SPAN = 0.1  # s over which its rate is taken, so that noise does not count as mo
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """Joints and torques over time.
+    """Joints and torques over time."""
 
-    Attributes:
-        time: Stamps, increasing [s], shape (N,).
-        position: Measured joints [rad], shape (N, n).
-        effort: Torque in the step that ended at the stamp [N m], shape (N, n).
-        usable: Whether the torque of that step is known and meant, shape (N,).
-        left_out: What is not usable, one line each.
-    """
-
-    time: Array
-    position: Array
-    effort: Array
-    usable: NDArray[np.bool_]
-    left_out: tuple[str, ...] = ()
+    time: Array  # stamps, increasing [s], shape (N,)
+    position: Array  # measured joints [rad], shape (N, n)
+    effort: Array  # torque in the step that ended at the stamp [N m], shape (N, n)
+    usable: NDArray[np.bool_]  # whether the torque of that step is known and meant, shape (N,)
+    left_out: tuple[str, ...] = ()  # what is not usable, one line each
 
     @property
     def period(self) -> float:
@@ -104,11 +96,7 @@ class Motion(Protocol):
 
 
 class RunMotion:
-    """Motion of a run that may be too long to be held in memory.
-
-    Attributes:
-        period: As of :class:`MeasuredMotion`, like the others.
-    """
+    """Motion of a run that may be too long to be held in memory."""
 
     def __init__(
         self,
@@ -131,6 +119,7 @@ class RunMotion:
             BagError: no torque was recorded, or the robot did not move.
             InputError: there is no room to keep it.
         """
+        # as of :class:`MeasuredMotion`, like the others
         self.period, self._kept = period, KeptParts('the motion')
         self._statuses, self._limit, self._zero = statuses, torque_limit, zero
         states, self.count, self.duration = 0, 0, 0.0

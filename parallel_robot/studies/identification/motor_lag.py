@@ -33,19 +33,12 @@ SHOWN = 0.05  # of a period, the least lag that is told
 
 @dataclass(frozen=True, repr=False)
 class MotorLag(ShownResult):
-    """How efforts follow commands.
+    """How efforts follow commands."""
 
-    Attributes:
-        values: Time constants [s], shape (n,).
-        half_widths: Half widths of their 95 % intervals [s], shape (n,).
-        delay: Of the commands before that, from the stamp of the state that they answer [s].
-        period: Of the samples [s].
-    """
-
-    values: Array
-    half_widths: Array
-    delay: float
-    period: float
+    values: Array  # time constants [s], shape (n,)
+    half_widths: Array  # half widths of their 95 % intervals [s], shape (n,)
+    delay: float  # of the commands before that, from the stamp of the state that they answer [s]
+    period: float  # of the samples [s]
 
     @property
     def found(self) -> bool:
@@ -206,19 +199,12 @@ ORDER, GAIN = 3, 20.0  # of the differences; variance of that of white noise, in
 
 @dataclass(frozen=True, repr=False)
 class Rest(ShownResult):
-    """Noise of the measured joints at rest, rms.
+    """Noise of the measured joints at rest, rms."""
 
-    Attributes:
-        duration: Length of all phases [s].
-        position: [rad], shape (n,).
-        velocity: [rad/s], shape (n,); NaN where it was not measured.
-        units: Units of the joints.
-    """
-
-    duration: float
-    position: Array
-    velocity: Array
-    units: JointUnits = HINGES
+    duration: float  # length of all phases [s]
+    position: Array  # [rad], shape (n,)
+    velocity: Array  # [rad/s], shape (n,); NaN where it was not measured
+    units: JointUnits = HINGES  # units of the joints
 
     def parameters(self) -> dict[str, list[float]]:
         """Parameters of the estimator that follow, by key; none where there is no noise."""

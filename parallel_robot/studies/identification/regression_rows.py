@@ -49,19 +49,14 @@ BLOCK = 200  # rows that are made at once: the samples of a stretch have a regre
 
 @dataclass(frozen=True)
 class Rows:
-    """Y beta = tau at T times of a stretch without gaps, filtered.
+    """Y beta = tau at T times of a stretch without gaps, filtered."""
 
-    Attributes:
-        time: Times [s], shape (T,).
-        Y: Regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is
-            not.
-        torque: Torques [N m], shape (T, n); zero where `known` is not.
-        known: Whether the torque of a joint can be explained: it does not stand still.
-    """
-
-    time: Array
+    time: Array  # times [s], shape (T,)
+    # regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is
+    # not
     Y: Array
-    torque: Array
+    torque: Array  # torques [N m], shape (T, n); zero where `known` is not
+    # whether the torque of a joint can be explained: it does not stand still
     known: NDArray[np.bool_]
 
     @property

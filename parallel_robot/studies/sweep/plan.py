@@ -41,54 +41,33 @@ SEED = 'seed'  # key of the plant's seed, where the configuration has one
 
 @dataclass(frozen=True)
 class Row:
-    """One run of a study.
+    """One run of a study."""
 
-    Attributes:
-        row: Its number, from 0.
-        sample: Number of the sample of the uncertainty.
-        scenario: Name of the scenario, or the path of its file.
-        law: Name of the law in the study.
-        seed: Seed of whatever is random in the run.
-        overrides: What the run changes in the configuration of the scenario.
-        drawn: Uncertain values by column of the table.
-    """
-
-    row: int
-    sample: int
-    scenario: str
-    law: str
-    seed: int
-    overrides: Mapping[str, Any]
-    drawn: Mapping[str, float | str]
+    row: int  # its number, from 0
+    sample: int  # number of the sample of the uncertainty
+    scenario: str  # name of the scenario, or the path of its file
+    law: str  # name of the law in the study
+    seed: int  # seed of whatever is random in the run
+    overrides: Mapping[str, Any]  # what the run changes in the configuration of the scenario
+    drawn: Mapping[str, float | str]  # uncertain values by column of the table
 
 
 @dataclass(frozen=True)
 class Case:
-    """One law in one scenario.
+    """One law in one scenario."""
 
-    Attributes:
-        scenario: Name of the scenario, or the path of its file.
-        variant: The law.
-        overrides: What all its runs change in the configuration.
-        nominal: The resolved configuration without uncertainty.
-    """
-
-    scenario: str
-    variant: Variant
-    overrides: Mapping[str, Any]
-    nominal: Mapping[str, Any]
+    scenario: str  # name of the scenario, or the path of its file
+    variant: Variant  # the law
+    overrides: Mapping[str, Any]  # what all its runs change in the configuration
+    nominal: Mapping[str, Any]  # the resolved configuration without uncertainty
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A study with the configurations of its laws and scenarios, checked.
-
-    Attributes:
-        study: The study.
-        cases: Every law in every scenario, the laws of a scenario one after another.
-    """
+    """A study with the configurations of its laws and scenarios, checked."""
 
     study: Study
+    # every law in every scenario, the laws of a scenario one after another
     cases: tuple[Case, ...]
 
     @property

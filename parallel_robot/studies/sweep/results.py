@@ -25,19 +25,12 @@ REASONS = 3  # most frequent reasons of failures to report
 
 @dataclass(frozen=True)
 class Quantity:
-    """A column that is summarised; smaller is better.
+    """A column that is summarised; smaller is better."""
 
-    Attributes:
-        column: Name of the column.
-        name: Name in tables.
-        unit: Unit in tables.
-        scale: Factor from the column to that unit.
-    """
-
-    column: str
-    name: str
-    unit: str
-    scale: float
+    column: str  # name of the column
+    name: str  # name in tables
+    unit: str  # unit in tables
+    scale: float  # factor from the column to that unit
 
     def told(self, units: JointUnits) -> Quantity:
         """The same of joints of some units."""
@@ -72,57 +65,38 @@ NEGLIGIBLE = 1e-3  # um or urad: what rounding leaves of no limit at all
 
 @dataclass(frozen=True)
 class Level:
-    """What errors are held against, e.g. the limit.
+    """What errors are held against, e.g. the limit."""
 
-    Attributes:
-        values: Of each sample that has it, in the unit of the error.
-        median: Their median.
-    """
-
-    values: Array
-    median: Estimate
+    values: Array  # of each sample that has it, in the unit of the error
+    median: Estimate  # their median
 
 
 @dataclass(frozen=True)
 class LawResult:
-    """One law in one scenario.
+    """One law in one scenario."""
 
-    Attributes:
-        runs: Number of runs by status.
-        reasons: The most frequent reasons why runs are not ok, with their numbers.
-        medians: Medians of the quantities, in their units.
-        drivers: What drives the error, see :func:`statistics.drivers`.
-        errors: The error of each run, in its unit; infinite for a run that is not ok.
-    """
-
-    runs: Mapping[str, int]
-    reasons: Mapping[str, int]
-    medians: tuple[Estimate, ...]
-    drivers: tuple[Driver, ...]
-    errors: Array
+    runs: Mapping[str, int]  # number of runs by status
+    reasons: Mapping[str, int]  # the most frequent reasons why runs are not ok, with their numbers
+    medians: tuple[Estimate, ...]  # medians of the quantities, in their units
+    drivers: tuple[Driver, ...]  # what drives the error, see :func:`statistics.drivers`
+    errors: Array  # the error of each run, in its unit; infinite for a run that is not ok
 
 
 @dataclass(frozen=True)
 class ScenarioResult:
-    """All laws in one scenario.
+    """All laws in one scenario."""
 
-    Attributes:
-        quantities: What is summarised; the first is the error. An effort that no run has, as the
-            chattering of states that are far apart, is left out.
-        laws: Law to its results, in the order of the study.
-        duels: The laws in pairs, by the error; those with the smaller medians first. Their p is
-            corrected over all pairs of the study.
-        levels: What the errors are held against, by name: 'limit' or 'estimated limit', the least
-            error of any law;
-            'v d', the distance that the reference travels while a state is late.
-        efforts: How many of the quantities are of the effort, the last ones.
-    """
-
+    # what is summarised; the first is the error. An effort that no run has, as the
+    # chattering of states that are far apart, is left out
     quantities: tuple[Quantity, ...]
-    laws: Mapping[str, LawResult]
+    laws: Mapping[str, LawResult]  # law to its results, in the order of the study
+    # the laws in pairs, by the error; those with the smaller medians first. Their p is
+    # corrected over all pairs of the study
     duels: tuple[Duel, ...]
+    # what the errors are held against, by name: 'limit' or 'estimated limit', the least
+    # error of any law; 'v d', the distance that the reference travels while a state is late
     levels: Mapping[str, Level] = field(default_factory=dict)
-    efforts: int = len(OTHERS)
+    efforts: int = len(OTHERS)  # how many of the quantities are of the effort, the last ones
 
 
 def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:

@@ -34,19 +34,14 @@ from trajectory_gen.trajectory import Reference, Trajectory
 
 
 class Floor(NamedTuple):
-    """The limit of a sample; the names are those of the columns.
+    """The limit of a sample; the names are those of the columns."""
 
-    Attributes:
-        limit_um: Least end-effector error of any law [um]; NaN without a plane.
-        limit_urad: Least joint error, of a robot without a plane [urad]; NaN with one.
-        delay_um: Distance that the reference travels while a state is late [um], see LeastError.
-        limit_reason: Why there is no limit; empty if there is one.
-    """
-
-    limit_um: float = math.nan
+    limit_um: float = math.nan  # least end-effector error of any law [um]; NaN without a plane
+    # least joint error, of a robot without a plane [urad]; NaN with one
     limit_urad: float = math.nan
+    # distance that the reference travels while a state is late [um], see LeastError
     delay_um: float = math.nan
-    limit_reason: str = ''
+    limit_reason: str = ''  # why there is no limit; empty if there is one
 
 
 def floor_of(configuration: Configuration) -> Floor:
@@ -76,39 +71,24 @@ Status = Literal['ok', 'fault', 'failed']
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a run.
+    """What became of a run."""
 
-    Attributes:
-        status: ok; fault: the controller took its safe action; failed: there are no metrics.
-        reason: Why it is not ok; empty if it is.
-        limits: Limits that acted.
-        metrics: Metrics of the run.
-        floor: Limit of its sample, where it was asked for.
-        calm: Limit of its sample by chattering, where it was asked for and there is one.
-    """
-
-    status: Status
-    reason: str = ''
-    limits: str = ''
-    metrics: Metrics | None = None
-    floor: Floor | None = None
+    status: Status  # ok; fault: the controller took its safe action; failed: there are no metrics
+    reason: str = ''  # why it is not ok; empty if it is
+    limits: str = ''  # limits that acted
+    metrics: Metrics | None = None  # metrics of the run
+    floor: Floor | None = None  # limit of its sample, where it was asked for
+    # limit of its sample by chattering, where it was asked for and there is one
     calm: Calm | None = None
 
 
 class Prepared(NamedTuple):
-    """A run before its first sample.
+    """A run before its first sample."""
 
-    Attributes:
-        place: Its place in the chunk.
-        configuration: Its configuration.
-        experiment: It, put together.
-        reference: Its desired motion.
-    """
-
-    place: int
+    place: int  # its place in the chunk
     configuration: Configuration
-    experiment: Experiment
-    reference: Reference
+    experiment: Experiment  # it, put together
+    reference: Reference  # its desired motion
 
 
 def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
@@ -198,26 +178,17 @@ TASKS_EACH = 4  # at least, for each worker
 
 @dataclass(frozen=True)
 class Task:
-    """Runs of one law in one scenario.
+    """Runs of one law in one scenario."""
 
-    Attributes:
-        scenario: Name of the scenario, or the path of its file.
-        numbers: Numbers of the rows.
-        overrides: What each row changes in the configuration.
-        version: Version of the code that is to run it, see :func:`version`.
-        limited: Whether the limit of each sample is asked for: it is the same for all laws of a
-            scenario, so the rows of the first one tell it.
-        calm: Whether its price of calm is asked for, too.
-        losses: How many workers were lost over it.
-    """
-
-    scenario: str
-    numbers: tuple[int, ...]
-    overrides: tuple[Mapping[str, Any], ...]
-    version: str
+    scenario: str  # name of the scenario, or the path of its file
+    numbers: tuple[int, ...]  # numbers of the rows
+    overrides: tuple[Mapping[str, Any], ...]  # what each row changes in the configuration
+    version: str  # version of the code that is to run it, see :func:`version`
+    # whether the limit of each sample is asked for: it is the same for all laws of a
+    # scenario, so the rows of the first one tell it
     limited: bool = False
-    calm: bool = False
-    losses: int = 0
+    calm: bool = False  # whether its price of calm is asked for, too
+    losses: int = 0  # how many workers were lost over it
 
     def split(self) -> list[Task]:
         """A task for each row, after the worker that had all of them was lost."""

@@ -27,47 +27,29 @@ LARGEST = 1e75  # above all numbers, below whatever is interpolated between one 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its interval.
+    """A number with its interval."""
 
-    Attributes:
-        value: The estimate.
-        low: Lower end of its interval.
-        high: Upper end.
-    """
-
-    value: float
-    low: float
-    high: float
+    value: float  # the estimate
+    low: float  # lower end of its interval
+    high: float  # upper end
 
 
 @dataclass(frozen=True)
 class Duel:
-    """Two laws compared sample by sample.
+    """Two laws compared sample by sample."""
 
-    Attributes:
-        winner: The law with the smaller value in most samples.
-        loser: The other law.
-        probability: Probability that the winner is better in a sample.
-        p: Of the two-sided sign test; corrected where :func:`corrected` was applied.
-    """
-
-    winner: str
-    loser: str
-    probability: Estimate
-    p: float
+    winner: str  # the law with the smaller value in most samples
+    loser: str  # the other law
+    probability: Estimate  # probability that the winner is better in a sample
+    p: float  # of the two-sided sign test; corrected where :func:`corrected` was applied
 
 
 @dataclass(frozen=True)
 class Driver:
-    """An uncertain parameter and how the error goes with it.
+    """An uncertain parameter and how the error goes with it."""
 
-    Attributes:
-        parameter: Column of the parameter.
-        correlation: Spearman's rank correlation.
-    """
-
-    parameter: str
-    correlation: Estimate
+    parameter: str  # column of the parameter
+    correlation: Estimate  # spearman's rank correlation
 
 
 def median(values: Array) -> Estimate:

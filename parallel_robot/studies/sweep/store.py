@@ -165,11 +165,7 @@ WINDOW = 65536  # rows that are merged at once, about
 
 
 class Store(LockedDirectory):
-    """The directory of a sweep.
-
-    Attributes:
-        done: Which rows are done, shape (rows,).
-    """
+    """The directory of a sweep."""
 
     KIND = 'sweep'
     MANIFEST = 'sweep.json'
@@ -188,6 +184,7 @@ class Store(LockedDirectory):
         self._plan = plan
         self._text = text
         self._schema = schema(plan)
+        # which rows are done, shape (rows,)
         self.done: NDArray[np.bool_] = np.zeros(plan.count, dtype=bool)
 
     def __exit__(

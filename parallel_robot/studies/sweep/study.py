@@ -86,52 +86,34 @@ OF_CONTROLLER = ('approach', 'controller', 'estimator', 'lock_in', 'repetition')
 
 @dataclass(frozen=True)
 class Variant:
-    """A law with gains, and parameters of its controller, of its own.
+    """A law with gains, and parameters of its controller, of its own."""
 
-    Attributes:
-        name: What the results call it.
-        law: Name of the law.
-        gains: Keys of the configuration and their values.
-    """
-
-    name: str
-    law: str
-    gains: Mapping[str, Any]
+    name: str  # what the results call it
+    law: str  # name of the law
+    gains: Mapping[str, Any]  # keys of the configuration and their values
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study.
+    """A study."""
 
-    Attributes:
-        scenarios: Names of the scenarios, or the absolute paths of their files; each has another
-            name.
-        laws: The laws.
-        runs: Number of samples of the uncertainty; each is a run of every law in every scenario.
-            0: the file does not say.
-        seed: Seed of the samples and of the runs.
-        method: How the uncertainty is sampled.
-        duration: Length of each run [s]; None: that of its scenario, or of its motion.
-        fixed: Keys of the configuration and their values in all runs.
-        uncertainties: The uncertain parameters.
-        scrambles: Number of independently scrambled Sobol sequences that the samples are of.
-        calm: Whether each error is also held against the limit at the chattering of its run.
-        places: Where the keys of its file stand, e.g. ``set.friction.viscous``.
-        text: Its file; of one with a base, or with laws of its own, all of it in one.
-    """
-
+    # names of the scenarios, or the absolute paths of their files; each has another name
     scenarios: tuple[str, ...]
     laws: tuple[Variant, ...]
+    # number of samples of the uncertainty; each is a run of every law in every scenario. 0:
+    # the file does not say
     runs: int
-    seed: int
-    method: Literal['sobol', 'random']
-    duration: float | None
-    fixed: Mapping[str, Any]
-    uncertainties: tuple[Uncertainty, ...]
-    scrambles: int = 1
+    seed: int  # seed of the samples and of the runs
+    method: Literal['sobol', 'random']  # how the uncertainty is sampled
+    duration: float | None  # length of each run [s]; None: that of its scenario, or of its motion
+    fixed: Mapping[str, Any]  # keys of the configuration and their values in all runs
+    uncertainties: tuple[Uncertainty, ...]  # the uncertain parameters
+    scrambles: int = 1  # number of independently scrambled Sobol sequences that the samples are of
+    # whether each error is also held against the limit at the chattering of its run
     calm: bool = False
+    # where the keys of its file stand, e.g. ``set.friction.viscous``
     places: Mapping[str, Place] = field(default_factory=dict)
-    text: str = ''
+    text: str = ''  # its file; of one with a base, or with laws of its own, all of it in one
 
     def of_case(self, variant: Variant) -> Placed:
         """What all runs of a law change in the configuration of a scenario."""

@@ -24,19 +24,12 @@ SMALLEST = 2.0**-33  # a point is kept this far from 0 and 1, where a normal val
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """The distribution of one parameter.
+    """The distribution of one parameter."""
 
-    Attributes:
-        key: Key of the parameter.
-        distribution: Key of FORMS.
-        given: What the distribution is given by, see FORMS, already checked.
-        common: Whether one draw holds for all entries of a list.
-    """
-
-    key: str
-    distribution: str
-    given: Mapping[str, Any]
-    common: bool = False
+    key: str  # key of the parameter
+    distribution: str  # key of FORMS
+    given: Mapping[str, Any]  # what the distribution is given by, see FORMS, already checked
+    common: bool = False  # whether one draw holds for all entries of a list
 
 
 def parse(key: str, entry: Any) -> Uncertainty:

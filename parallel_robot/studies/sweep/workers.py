@@ -92,21 +92,13 @@ def completed(workers: Workers, tasks: Iterator[Task]) -> Iterator[tuple[Task, l
 
 @dataclass
 class _Worker:
-    """A worker process.
-
-    Attributes:
-        process: The process.
-        pipe: This end of its pipe.
-        log: What it writes.
-        ready: Whether it has started.
-        task: What it is working at.
-    """
+    """A worker process."""
 
     process: subprocess.Popen[bytes]
-    pipe: Connection
-    log: IO[bytes]
-    ready: bool = False
-    task: Task | None = None
+    pipe: Connection  # this end of its pipe
+    log: IO[bytes]  # what it writes
+    ready: bool = False  # whether it has started
+    task: Task | None = None  # what it is working at
 
 
 class Processes:

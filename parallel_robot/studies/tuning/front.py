@@ -106,25 +106,16 @@ SAME = ('scenario', 'measure of effort', 'number of runs', 'uncertainty')  # to 
 
 @dataclass(frozen=True)
 class Front:
-    """The front of a tuning.
-
-    Attributes:
-        directory: Its directory.
-        manifest: What its trials depend on.
-        error: Which metric its error is.
-        points: Effort and error of its points, by rising error, in their columns' units.
-        trials: Number and gains of the trial of each point.
-        chosen: Index of the point that was taken.
-        units: Those of the joints.
-    """
+    """The front of a tuning."""
 
     directory: Path
-    manifest: dict[str, Any]
-    error: Quantity
+    manifest: dict[str, Any]  # what its trials depend on
+    error: Quantity  # which metric its error is
+    # effort and error of its points, by rising error, in their columns' units
     points: tuple[tuple[float, float], ...]
-    trials: tuple[tuple[int, dict[str, Any]], ...]
-    chosen: int
-    units: JointUnits
+    trials: tuple[tuple[int, dict[str, Any]], ...]  # number and gains of the trial of each point
+    chosen: int  # index of the point that was taken
+    units: JointUnits  # those of the joints
 
     @property
     def name(self) -> str:

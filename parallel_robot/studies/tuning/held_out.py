@@ -138,14 +138,10 @@ def _around(front: Front, effort: float) -> set[int]:
 
 
 class Reached(NamedTuple):
-    """A law at an effort.
+    """A law at an effort."""
 
-    Attributes:
-        fronts: Those of its searches, which differ in their seeds alone.
-        errors: Error of each at the effort [unit of its column]; NaN where it is not enclosed.
-    """
-
-    fronts: list[Front]
+    fronts: list[Front]  # those of its searches, which differ in their seeds alone
+    # error of each at the effort [unit of its column]; NaN where it is not enclosed
     errors: list[float]
 
     @property
@@ -237,17 +233,11 @@ def data_at_effort(laws: Sequence[Reached], effort: float) -> list[dict[str, Any
 
 @dataclass(frozen=True, repr=False)
 class Compared(ShownResult):
-    """Fronts of several tunings.
-
-    Attributes:
-        fronts: The fronts.
-        effort: At which effort laws are compared [unit of its column]; None: at none.
-        out: The file that was written.
-    """
+    """Fronts of several tunings."""
 
     fronts: Sequence[Front]
-    effort: float | None
-    out: Path
+    effort: float | None  # at which effort laws are compared [unit of its column]; None: at none
+    out: Path  # the file that was written
 
     def parts(self) -> list[Part]:
         """The trials that were taken, or the laws at the effort."""

@@ -131,21 +131,13 @@ def saved_figure(figure: Figure) -> dict[str, bytes]:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a tuning.
+    """What came of a tuning."""
 
-    Attributes:
-        trials: All trials; the first is that of the default gains.
-        points: The front.
-        chosen: The trial whose gains are taken.
-        why: Why it is taken.
-        verdict: Whether the search has converged.
-    """
-
-    trials: Sequence[Trial]
-    points: Sequence[Trial]
-    chosen: Trial
-    why: str
-    verdict: Verdict
+    trials: Sequence[Trial]  # all trials; the first is that of the default gains
+    points: Sequence[Trial]  # the front
+    chosen: Trial  # the trial whose gains are taken
+    why: str  # why it is taken
+    verdict: Verdict  # whether the search has converged
 
 
 def write(tuning: Tuning, store: Store, fields: Mapping[str, Field], result: Result) -> list[Path]:

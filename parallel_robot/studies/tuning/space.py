@@ -35,23 +35,16 @@ Value = float | int | str | bool
 
 @dataclass(frozen=True)
 class Range:
-    """Numbers between two limits.
+    """Numbers between two limits."""
 
-    Attributes:
-        low: Smallest value, in the unit of the gain.
-        high: Largest value.
-        log: Whether they are sampled on a logarithmic scale.
-        whole: Whether they are whole numbers.
-        zero: Whether 0 is one of them, too, on a logarithmic scale: what is sampled below `low`
-            stands for it. Tried on a cost of at least 1 with six parameters, two objectives and
-            160 trials, medians of 12: where 0 is best 1.74, of a categorical "zero or not" beside
-            the number 1.65, without zero 2.02; where it is not 1.80, 2.15 and 1.67.
-    """
-
-    low: float
-    high: float
-    log: bool
-    whole: bool = False
+    low: float  # smallest value, in the unit of the gain
+    high: float  # largest value
+    log: bool  # whether they are sampled on a logarithmic scale
+    whole: bool = False  # whether they are whole numbers
+    # whether 0 is one of them, too, on a logarithmic scale: what is sampled below `low`
+    # stands for it. Tried on a cost of at least 1 with six parameters, two objectives and
+    # 160 trials, medians of 12: where 0 is best 1.74, of a categorical "zero or not" beside
+    # the number 1.65, without zero 2.02; where it is not 1.80, 2.15 and 1.67
     zero: bool = False
 
     def __contains__(self, value: Any) -> bool:
@@ -113,23 +106,16 @@ class Space:
     """What is varied of a law, and of its estimator.
 
     Gains go by their key, other parameters by that of the configuration, which has a dot.
-
-    Attributes:
-        law: Name of the law.
-        default: Its gains and the other parameters before tuning.
-        varied: Gains that are varied.
-        fixed: Gains that are not.
-        coupled: Whether gamma2 = 2 gamma1 / (1 + gamma1), without which the theory of the
-            full-order surface forbids the gains.
-        keep: Whether gains that break a condition of the law, of which it warns, are forbidden.
     """
 
-    law: str
-    default: Mapping[str, Any]
-    varied: Mapping[str, Range | Choice]
-    fixed: Mapping[str, Any]
+    law: str  # name of the law
+    default: Mapping[str, Any]  # its gains and the other parameters before tuning
+    varied: Mapping[str, Range | Choice]  # gains that are varied
+    fixed: Mapping[str, Any]  # gains that are not
+    # whether gamma2 = 2 gamma1 / (1 + gamma1), without which the theory of the full-order
+    # surface forbids the gains
     coupled: bool
-    keep: bool
+    keep: bool  # whether gains that break a condition of the law, of which it warns, are forbidden
 
     def key(self, name: str) -> str:
         """The key of the configuration."""

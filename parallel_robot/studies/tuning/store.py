@@ -35,11 +35,7 @@ class _Locked:
 
 
 class Store(LockedDirectory):
-    """The directory of a tuning.
-
-    Attributes:
-        trials: Finished trials by number.
-    """
+    """The directory of a tuning."""
 
     KIND = 'tuning'
     MANIFEST = 'tune.json'
@@ -54,7 +50,7 @@ class Store(LockedDirectory):
             identity: What the trials depend on, plain data by name; another one is refused.
         """
         super().__init__(directory)
-        self.trials: dict[int, Trial] = {}
+        self.trials: dict[int, Trial] = {}  # finished trials by number
         self._space = space
         self._identity = json.loads(json.dumps(dict(identity)))
         self._study: Any = None

@@ -30,25 +30,19 @@ FORBIDDEN = 2.0  # violation of gains that are not run; more than if all runs fa
 
 @dataclass(frozen=True)
 class Trial:
-    """Gains that were tried.
+    """Gains that were tried."""
 
-    Attributes:
-        number: From 0, which is the default.
-        chosen: The gains that are varied; None for a default outside the search space.
-        gains: All gains of the law.
-        error: Median of the tracking error [m or rad]; infinite if the trial is infeasible.
-        effort: Median of the effort [unit of its column]; infinite if the trial is infeasible.
-        violation: Share of the runs that were not ok; FORBIDDEN for gains that were not run.
-        reason: Why the trial is infeasible; empty if it is feasible.
-    """
-
-    number: int
+    number: int  # from 0, which is the default
+    # the gains that are varied; None for a default outside the search space
     chosen: Mapping[str, Value] | None
-    gains: Mapping[str, Any]
+    gains: Mapping[str, Any]  # all gains of the law
+    # median of the tracking error [m or rad]; infinite if the trial is infeasible
     error: float = math.inf
+    # median of the effort [unit of its column]; infinite if the trial is infeasible
     effort: float = math.inf
+    # share of the runs that were not ok; FORBIDDEN for gains that were not run
     violation: float = 0.0
-    reason: str = ''
+    reason: str = ''  # why the trial is infeasible; empty if it is feasible
 
     @property
     def feasible(self) -> bool:
@@ -111,32 +105,21 @@ FEWEST_TRIALS = 120
 
 @dataclass(frozen=True)
 class Rule:
-    """When a search has converged.
+    """When a search has converged."""
 
-    Attributes:
-        patience: Number of trials, of those that were run, that brought hardly anything.
-        improvement: The share of the best figure that counts as hardly anything.
-    """
-
-    patience: int
-    improvement: float
+    patience: int  # number of trials, of those that were run, that brought hardly anything
+    improvement: float  # the share of the best figure that counts as hardly anything
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What the last trials of a search have brought.
-
-    Attributes:
-        rule: The rule.
-        trials: Number of all trials.
-        ran: Number of those that were run: gains that a law forbids teach nothing.
-        improvement: Share by which the best figure fell within the last trials; infinite if there
-            was none before.
-    """
+    """What the last trials of a search have brought."""
 
     rule: Rule
-    trials: int
-    ran: int
+    trials: int  # number of all trials
+    ran: int  # number of those that were run: gains that a law forbids teach nothing
+    # share by which the best figure fell within the last trials; infinite if there was none
+    # before
     improvement: float
 
     @property
@@ -235,17 +218,12 @@ DEFAULT_EFFORT = 'chattering'
 
 @dataclass(frozen=True)
 class Effort:
-    """A measure of effort.
+    """A measure of effort."""
 
-    Attributes:
-        measure: Key of MEASURES.
-        limit: Most effort of the gains that are taken, in the unit of the column; None: no limit.
-        units: Those of the joints.
-    """
-
-    measure: str = DEFAULT_EFFORT
+    measure: str = DEFAULT_EFFORT  # key of MEASURES
+    # most effort of the gains that are taken, in the unit of the column; None: no limit
     limit: float | None = None
-    units: JointUnits = HINGES
+    units: JointUnits = HINGES  # those of the joints
 
     @property
     def quantity(self) -> Quantity:
@@ -315,15 +293,10 @@ def distributions(space: Space) -> dict[str, BaseDistribution]:
 
 
 class Goal(NamedTuple):
-    """What a search is to make small.
+    """What a search is to make small."""
 
-    Attributes:
-        objectives: How many figures.
-        values: The figures of a feasible trial.
-    """
-
-    objectives: int
-    values: Callable[[Trial], tuple[float, ...]]
+    objectives: int  # how many figures
+    values: Callable[[Trial], tuple[float, ...]]  # the figures of a feasible trial
 
 
 FRONT = Goal(2, lambda trial: (trial.error, trial.effort))

@@ -46,21 +46,13 @@ NUMBER = re.compile(r'-?\b\d[\d.]*(e[-+]?\d+)?')
 
 @dataclass(frozen=True)
 class Tuning:
-    """What is tuned, and how.
+    """What is tuned, and how."""
 
-    Attributes:
-        plan: The law in its scenario, with the samples of the uncertainty.
-        space: The search space.
-        weights: Weights of a single objective; None: a Pareto front.
-        seed: Seed of the proposals.
-        effort: What the error is traded against.
-    """
-
-    plan: Plan
-    space: Space
-    weights: Weights | None
-    seed: int
-    effort: Effort
+    plan: Plan  # the law in its scenario, with the samples of the uncertainty
+    space: Space  # the search space
+    weights: Weights | None  # weights of a single objective; None: a Pareto front
+    seed: int  # seed of the proposals
+    effort: Effort  # what the error is traded against
 
     @property
     def nominal(self) -> Mapping[str, Any]:

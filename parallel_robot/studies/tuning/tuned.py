@@ -173,19 +173,12 @@ REASONS = 3  # most frequent reasons of infeasible trials to report
 
 @dataclass(frozen=True, repr=False)
 class Tuned(ShownResult):
-    """A tuning that has ended.
+    """A tuning that has ended."""
 
-    Attributes:
-        tuning: What was tuned, and how.
-        result: What came of it.
-        warnings: What to doubt of the gains that are taken, one line each.
-        files: Its files, by name.
-    """
-
-    tuning: Tuning
-    result: Result
-    warnings: tuple[str, ...]
-    files: Mapping[str, Path]
+    tuning: Tuning  # what was tuned, and how
+    result: Result  # what came of it
+    warnings: tuple[str, ...]  # what to doubt of the gains that are taken, one line each
+    files: Mapping[str, Path]  # its files, by name
 
     @property
     def values(self) -> dict[str, Any]:

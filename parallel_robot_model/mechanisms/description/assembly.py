@@ -35,25 +35,15 @@ from parallel_robot_model.mechanisms.mechanism import (
 
 
 class Equation(NamedTuple):
-    """A scalar equation that closes a loop.
+    """A scalar equation that closes a loop."""
 
-    Attributes:
-        name: Of the loop or the coupling.
-        kind: POINT, TURN or COUPLING.
-        first: A frame of a link; of a COUPLING the link alone counts.
-        second: The other.
-        direction: Which component, a unit vector of the world, shape (3,).
-        ratio: Of a COUPLING.
-        offset: Of a COUPLING [rad or m].
-    """
-
-    name: str
-    kind: int
-    first: Frame
-    second: Frame
-    direction: Array = np.zeros(3)
-    ratio: float = 0.0
-    offset: float = 0.0
+    name: str  # of the loop or the coupling
+    kind: int  # POINT, TURN or COUPLING
+    first: Frame  # a frame of a link; of a COUPLING the link alone counts
+    second: Frame  # the other
+    direction: Array = np.zeros(3)  # which component, a unit vector of the world, shape (3,)
+    ratio: float = 0.0  # of a COUPLING
+    offset: float = 0.0  # of a COUPLING [rad or m]
 
 
 def equations(description: Description, tree: Tree) -> tuple[Equation, ...]:
@@ -125,15 +115,10 @@ APART = 0.02, 1e-4  # what makes a coordinate independent of those before, tried
 
 
 class Tool(NamedTuple):
-    """The frame that is controlled.
+    """The frame that is controlled."""
 
-    Attributes:
-        name: Its name, or what it is.
-        frame: On its link.
-    """
-
-    name: str
-    frame: Frame
+    name: str  # its name, or what it is
+    frame: Frame  # on its link
 
 
 def named(description: Description, tree: Tree, name: str) -> Tool:
@@ -184,23 +169,14 @@ def _distance(row: Array, rows: Array) -> float:
 
 
 class Assembly(NamedTuple):
-    """A tree, what closes it and what it moves.
+    """A tree, what closes it and what it moves."""
 
-    Attributes:
-        tree: The links.
-        equations: What closes their loops, redundant ones, too.
-        tool: What is controlled.
-        home: Positions of the links [rad or m], shape (N,).
-        length: By which angles and lengths are compared [m].
-        unit: What makes each residual a length [1 or rad/m], shape (R,).
-    """
-
-    tree: Tree
-    equations: tuple[Equation, ...]
-    tool: Tool
-    home: Array
-    length: float
-    unit: Array
+    tree: Tree  # the links
+    equations: tuple[Equation, ...]  # what closes their loops, redundant ones, too
+    tool: Tool  # what is controlled
+    home: Array  # positions of the links [rad or m], shape (N,)
+    length: float  # by which angles and lengths are compared [m]
+    unit: Array  # what makes each residual a length [1 or rad/m], shape (R,)
 
     def missed(self, q: Array) -> Array:
         """By how much positions miss each equation [m], angles times the length, shape (R,)."""
@@ -236,17 +212,11 @@ class Assembly(NamedTuple):
 
 
 class Inertia(NamedTuple):
-    """Masses of the N links.
+    """Masses of the N links."""
 
-    Attributes:
-        mass: Masses [kg], shape (N,).
-        centre: Centres of mass in the frames of the links [m], shape (N, 3).
-        inertia: About them in these frames [kg m^2], shape (N, 3, 3).
-    """
-
-    mass: Array
-    centre: Array
-    inertia: Array
+    mass: Array  # masses [kg], shape (N,)
+    centre: Array  # centres of mass in the frames of the links [m], shape (N, 3)
+    inertia: Array  # about them in these frames [kg m^2], shape (N, 3, 3)
 
 
 def assembled(description: Description, tree: Tree, at: Posture) -> Assembly:

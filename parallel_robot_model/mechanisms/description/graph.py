@@ -178,25 +178,16 @@ class Link(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """A joint between two links.
+    """A joint between two links."""
 
-    Attributes:
-        node: Its element.
-        name: Its name.
-        parent: Name of a link.
-        child: Name of the other.
-        at: Its frame on the parent.
-        back: The same frame on the child, at zero.
-        steps: Its hinges, slides or a ball one after the other from the parent on, with axes in
-            its frame; empty: fixed. Their `name` is the end of a name, or empty; `body` is unset.
-    """
-
-    node: Node
+    node: Node  # its element
     name: str
-    parent: str
-    child: str
-    at: Frame
-    back: Frame
+    parent: str  # name of a link
+    child: str  # name of the other
+    at: Frame  # its frame on the parent
+    back: Frame  # the same frame on the child, at zero
+    # its hinges, slides or a ball one after the other from the parent on, with axes in its
+    # frame; empty: fixed. Their `name` is the end of a name, or empty; `body` is unset
     steps: tuple[Joint, ...]
 
 

@@ -172,44 +172,27 @@ JOINTS_AS_POSE = (
 
 
 class Machine(NamedTuple):
-    """A mechanism and what people call its parts.
+    """A mechanism and what people call its parts."""
 
-    Attributes:
-        mechanism: The value that kernels take.
-        names: Of all N joints; a ball is three.
-        actuated: Names of the n actuated joints.
-        passive: Names of those that follow by the closures.
-        held: Names of those that stay where they are at home.
-        units: Of the actuated joints, ``'rad'`` or ``'m'``.
-        viscous: Viscous friction of the actuated joints [N m s/rad or N s/m].
-        coulomb: Their dry friction [N m or N].
-        lower: Ends of their travel [rad or m]; infinite if there is none.
-        upper: The others.
-        effort: Their greatest torques or forces [N m or N]; infinite if there is none.
-        velocity: Their greatest rates [rad/s or m/s]; infinite if there is none.
-        tool: Name of the frame that is controlled.
-        coordinates: Names and units of the m coordinates of the tool; empty: the pose is the
-            actuated joints.
-        home_moved: By how much the loops were open at the home that was asked for [m].
-        doubts: What people should know of how the file was read, one line each.
-    """
-
-    mechanism: Mechanism
-    names: tuple[str, ...]
-    actuated: tuple[str, ...]
-    passive: tuple[str, ...]
-    held: tuple[str, ...]
-    units: tuple[str, ...]
-    viscous: tuple[float, ...]
-    coulomb: tuple[float, ...]
-    lower: tuple[float, ...]
-    upper: tuple[float, ...]
+    mechanism: Mechanism  # the value that kernels take
+    names: tuple[str, ...]  # of all N joints; a ball is three
+    actuated: tuple[str, ...]  # names of the n actuated joints
+    passive: tuple[str, ...]  # names of those that follow by the closures
+    held: tuple[str, ...]  # names of those that stay where they are at home
+    units: tuple[str, ...]  # of the actuated joints, ``'rad'`` or ``'m'``
+    viscous: tuple[float, ...]  # viscous friction of the actuated joints [N m s/rad or N s/m]
+    coulomb: tuple[float, ...]  # their dry friction [N m or N]
+    lower: tuple[float, ...]  # ends of their travel [rad or m]; infinite if there is none
+    upper: tuple[float, ...]  # the others
+    # their greatest torques or forces [N m or N]; infinite if there is none
     effort: tuple[float, ...]
-    velocity: tuple[float, ...]
-    tool: str
+    velocity: tuple[float, ...]  # their greatest rates [rad/s or m/s]; infinite if there is none
+    tool: str  # name of the frame that is controlled
+    # names and units of the m coordinates of the tool; empty: the pose is the actuated
+    # joints
     coordinates: tuple[tuple[str, str], ...]
-    home_moved: float
-    doubts: tuple[str, ...]
+    home_moved: float  # by how much the loops were open at the home that was asked for [m]
+    doubts: tuple[str, ...]  # what people should know of how the file was read, one line each
 
 
 def machine(

@@ -59,12 +59,7 @@ def pose(node: Node | None) -> Frame:
 
 
 class Poses:
-    """Frames of a model in the world at the zero of its joints.
-
-    Attributes:
-        model: The frame of the model.
-        axes_in_model: Whether axes of joints are seen from it.
-    """
+    """Frames of a model in the world at the zero of its joints."""
 
     def __init__(self, model: Node, axes_in_model: bool) -> None:
         """Note what has a name.
@@ -78,6 +73,8 @@ class Poses:
             for tag in ('frame', 'joint', 'link')
             for node in children(model, tag)
         }
+        # model: the frame of the model; axes_in_model: whether axes of joints are seen
+        # from it
         self.model, self.axes_in_model = pose(child(model, 'pose')), axes_in_model
         self._found: dict[str, Frame] = {}
 

@@ -35,39 +35,24 @@ Posture = Mapping[str, float | tuple[float, ...]]  # joint to position, of a bal
 
 
 class Link(NamedTuple):
-    """What one hinge or slide of the tree moves.
+    """What one hinge or slide of the tree moves."""
 
-    Attributes:
-        name: Of the joint; of a ball with the axis, e.g. ``ball.x``.
-        joint: The joint of the description.
-        body: Index of its body in the description.
-        parent: Index of the link before, or BASE.
-        kind: TURNING or SLIDING.
-        rotation: Frame at position zero, seen from the parent's, shape (3, 3).
-        origin: Its origin in the frame of the parent [m], shape (3,).
-        axis: Unit vector in its frame, shape (3,).
-    """
-
-    name: str
-    joint: Joint
-    body: int
-    parent: int
-    kind: int
-    rotation: Array
-    origin: Array
-    axis: Array
+    name: str  # of the joint; of a ball with the axis, e.g. ``ball.x``
+    joint: Joint  # the joint of the description
+    body: int  # index of its body in the description
+    parent: int  # index of the link before, or BASE
+    kind: int  # TURNING or SLIDING
+    rotation: Array  # frame at position zero, seen from the parent's, shape (3, 3)
+    origin: Array  # its origin in the frame of the parent [m], shape (3,)
+    axis: Array  # unit vector in its frame, shape (3,)
 
 
 class Tree(NamedTuple):
-    """Links, and where the bodies of the description are on them.
+    """Links, and where the bodies of the description are on them."""
 
-    Attributes:
-        links: Each after its parent.
-        hosts: By body: the frame of the link that carries it, whose `body` is the index of the
-            link, or BASE.
-    """
-
-    links: tuple[Link, ...]
+    links: tuple[Link, ...]  # each after its parent
+    # by body: the frame of the link that carries it, whose `body` is the index of the link,
+    # or BASE
     hosts: tuple[Frame, ...]
 
     def on_link(self, frame: Frame) -> Frame:
@@ -76,21 +61,13 @@ class Tree(NamedTuple):
 
 
 class Places(NamedTuple):
-    """Where the links of a tree are.
+    """Where the links of a tree are."""
 
-    Attributes:
-        rotation: Frames in the world, shape (N, 3, 3).
-        position: Their origins [m], shape (N, 3).
-        axis: Axes in the world, shape (N, 3).
-        path: Whether link j moves link i, shape (N, N).
-        turning: Whether links turn, not slide, shape (N,).
-    """
-
-    rotation: Array
-    position: Array
-    axis: Array
-    path: Array
-    turning: Array
+    rotation: Array  # frames in the world, shape (N, 3, 3)
+    position: Array  # their origins [m], shape (N, 3)
+    axis: Array  # axes in the world, shape (N, 3)
+    path: Array  # whether link j moves link i, shape (N, N)
+    turning: Array  # whether links turn, not slide, shape (N,)
 
     def frame(self, frame: Frame) -> tuple[Array, Array]:
         """Rotation, shape (3, 3), and origin [m], shape (3,), of a frame of a link."""
@@ -192,20 +169,14 @@ MOVED = 1e-5  # rate of the tool, relative to that of a joint, that counts as no
 
 
 class Freedoms(NamedTuple):
-    """The parts of the joints.
+    """The parts of the joints."""
 
-    Attributes:
-        actuated: Indices of the joints that are driven, in the order that was asked for.
-        passive: Those that follow by the closures, ascending.
-        held: Those that were to be held, and those that nothing moves and that do not move the
-            tool, ascending.
-        rows: As many closures as passive joints, independent of each other, ascending.
-    """
-
-    actuated: list[int]
-    passive: list[int]
+    actuated: list[int]  # indices of the joints that are driven, in the order that was asked for
+    passive: list[int]  # those that follow by the closures, ascending
+    # those that were to be held, and those that nothing moves and that do not move the tool,
+    # ascending
     held: list[int]
-    rows: list[int]
+    rows: list[int]  # as many closures as passive joints, independent of each other, ascending
 
 
 def divide(

@@ -38,25 +38,15 @@ ROWS = 6  # vectors that are handed over between kernels
 
 
 class Constants(NamedTuple):
-    """A mechanism, and where its kernels write.
+    """A mechanism, and where its kernels write."""
 
-    Attributes:
-        mechanism: The machine, a boxed Mechanism.
-        workspace: Its posture, from which the next one is looked for, a boxed Workspace.
-        judged: The same for postures that are only judged, which lie ahead of the others.
-        rows: Vectors that are handed over, shape (ROWS, n).
-        matrices: M and Q, shape (2, n, n).
-        travel: Lower and upper ends of travel [rad or m], shape (2, n).
-        home: Margins at home, see :func:`margins`, shape (2,).
-    """
-
-    mechanism: Any
-    workspace: Any
-    judged: Any
-    rows: Array
-    matrices: Array
-    travel: Array
-    home: Array
+    mechanism: Any  # the machine, a boxed Mechanism
+    workspace: Any  # its posture, from which the next one is looked for, a boxed Workspace
+    judged: Any  # the same for postures that are only judged, which lie ahead of the others
+    rows: Array  # vectors that are handed over, shape (ROWS, n)
+    matrices: Array  # M and Q, shape (2, n, n)
+    travel: Array  # lower and upper ends of travel [rad or m], shape (2, n)
+    home: Array  # margins at home, see :func:`margins`, shape (2,)
 
 
 def constants(

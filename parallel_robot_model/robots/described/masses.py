@@ -17,19 +17,12 @@ from parallel_robot_model.robots.described.parameters import FAULTS, Parameters
 
 
 class Masses(NamedTuple):
-    """What the links weigh.
+    """What the links weigh."""
 
-    Attributes:
-        mass: Masses [kg], shape (N,).
-        moment: Masses times centres of mass [kg m], shape (N, 3).
-        inertia: About the origins of the links [kg m^2], shape (N, 3, 3).
-        armature: Rotors as felt at the joints [kg m^2 or kg], shape (N,).
-    """
-
-    mass: Any
-    moment: Any
-    inertia: Any
-    armature: Any
+    mass: Any  # masses [kg], shape (N,)
+    moment: Any  # masses times centres of mass [kg m], shape (N, 3)
+    inertia: Any  # about the origins of the links [kg m^2], shape (N, 3, 3)
+    armature: Any  # rotors as felt at the joints [kg m^2 or kg], shape (N,)
 
 
 def masses(mechanism: Mechanism, robot: Parameters) -> Masses:

@@ -339,17 +339,11 @@ def acceleration(
 
 
 class Singularity(NamedTuple):
-    """Distance measures, dimensionless and zero at the singularity.
+    """Distance measures, dimensionless and zero at the singularity."""
 
-    Attributes:
-        type_1: Smallest |sin psi_i|: a leg stretched or folded.
-        leg: 0-based index of that leg.
-        type_2: |det Jx| / l3: the platform yields although all motors are locked.
-    """
-
-    type_1: float
-    leg: int
-    type_2: float
+    type_1: float  # smallest |sin psi_i|: a leg stretched or folded
+    leg: int  # 0-based index of that leg
+    type_2: float  # |det Jx| / l3: the platform yields although all motors are locked
 
 
 @kernel

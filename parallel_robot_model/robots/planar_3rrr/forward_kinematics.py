@@ -37,17 +37,11 @@ STATUS_TEXT = {
 
 
 class Assembly(NamedTuple):
-    """Result of the forward kinematics.
+    """Result of the forward kinematics."""
 
-    Attributes:
-        pose: (x, y, phi) [m, m, rad], shape (3,); the guess if there is no trustworthy pose.
-        posture: Directions of the links there.
-        status: FOUND or the reason why there is no trustworthy pose.
-    """
-
-    pose: Array
-    posture: Posture
-    status: int
+    pose: Array  # (x, y, phi) [m, m, rad], shape (3,); the guess if there is no trustworthy pose
+    posture: Posture  # directions of the links there
+    status: int  # FOUND or the reason why there is no trustworthy pose
 
 
 class Closure(NamedTuple):

@@ -79,49 +79,27 @@ def validate(robot: RobotParameters, name: str = 'robot') -> RobotParameters:
 
 
 class Constants(NamedTuple):
-    """Geometry and inertia; of the vectors, each of shape (3,), an element belongs to a leg.
+    """Geometry and inertia; of the vectors, each of shape (3,), an element belongs to a leg."""
 
-    Attributes:
-        l1: Length of a proximal link [m].
-        l2: Length of a distal link [m].
-        per_l1: 1 / l1 [1/m]; to multiply takes less time than to divide.
-        per_l2: 1 / l2 [1/m].
-        per_l3: 1 / l3 [1/m].
-        l3: Radius of the platform joints [m].
-        a: Inertia I1 + m1 lc1^2 + m2 l1^2 of a leg by theta alone [kg m^2].
-        b: Inertia I2 + m2 lc2^2 of a leg by beta alone [kg m^2].
-        h: Coupling m2 l1 lc2 of both [kg m^2].
-        mp: Mass of the platform [kg].
-        Ip: Inertia of the platform [kg m^2].
-        base_x: x of the base joints [m].
-        base_y: y of the base joints [m].
-        joint_x: x of the platform joints from its centre at phi = 0 [m].
-        joint_y: y of the same [m].
-        inward_x: cos of the direction from a base joint to the centre of the base.
-        inward_y: sin of the same.
-        inward: That direction [rad].
-        side: Working mode: +1 or -1.
-    """
-
-    l1: float
-    l2: float
-    per_l1: float
-    per_l2: float
-    per_l3: float
-    l3: float
-    a: float
-    b: float
-    h: float
-    mp: float
-    Ip: float
-    base_x: Array
-    base_y: Array
-    joint_x: Array
-    joint_y: Array
-    inward_x: Array
-    inward_y: Array
-    inward: Array
-    side: Array
+    l1: float  # length of a proximal link [m]
+    l2: float  # length of a distal link [m]
+    per_l1: float  # 1 / l1 [1/m]; to multiply takes less time than to divide
+    per_l2: float  # 1 / l2 [1/m]
+    per_l3: float  # 1 / l3 [1/m]
+    l3: float  # radius of the platform joints [m]
+    a: float  # inertia I1 + m1 lc1^2 + m2 l1^2 of a leg by theta alone [kg m^2]
+    b: float  # inertia I2 + m2 lc2^2 of a leg by beta alone [kg m^2]
+    h: float  # coupling m2 l1 lc2 of both [kg m^2]
+    mp: float  # mass of the platform [kg]
+    Ip: float  # inertia of the platform [kg m^2]
+    base_x: Array  # x of the base joints [m]
+    base_y: Array  # y of the base joints [m]
+    joint_x: Array  # x of the platform joints from its centre at phi = 0 [m]
+    joint_y: Array  # y of the same [m]
+    inward_x: Array  # cos of the direction from a base joint to the centre of the base
+    inward_y: Array  # sin of the same
+    inward: Array  # that direction [rad]
+    side: Array  # working mode: +1 or -1
 
 
 def constants(robot: RobotParameters) -> Constants:
@@ -168,43 +146,25 @@ def constants(robot: RobotParameters) -> Constants:
 
 
 class Posture(NamedTuple):
-    """Directions of the links, each shape (3,); NaN for a leg that does not reach.
+    """Directions of the links, each shape (3,); NaN for a leg that does not reach."""
 
-    Attributes:
-        arm_x: Platform centre to the platform joint, x [m].
-        arm_y: The same, y [m].
-        ct: cos theta.
-        st: sin theta.
-        cb: cos beta.
-        sb: sin beta.
-        cos_psi: cos psi.
-        sin_psi: sin psi.
-    """
-
-    arm_x: Array
-    arm_y: Array
-    ct: Array
-    st: Array
-    cb: Array
-    sb: Array
+    arm_x: Array  # platform centre to the platform joint, x [m]
+    arm_y: Array  # the same, y [m]
+    ct: Array  # cos theta
+    st: Array  # sin theta
+    cb: Array  # cos beta
+    sb: Array  # sin beta
     cos_psi: Array
     sin_psi: Array
 
 
 class Legs(NamedTuple):
-    """Angles of the three legs at a pose.
+    """Angles of the three legs at a pose."""
 
-    Attributes:
-        theta: Actuated angles [rad], shape (3,).
-        beta: Absolute angles of the distal links in (-pi, pi] [rad], shape (3,).
-        psi: Passive joints in (-pi, pi] [rad], shape (3,).
-        out_of_reach: 0-based index of the first leg that does not reach, else REACHED.
-    """
-
-    theta: Array
-    beta: Array
-    psi: Array
-    out_of_reach: int
+    theta: Array  # actuated angles [rad], shape (3,)
+    beta: Array  # absolute angles of the distal links in (-pi, pi] [rad], shape (3,)
+    psi: Array  # passive joints in (-pi, pi] [rad], shape (3,)
+    out_of_reach: int  # 0-based index of the first leg that does not reach, else REACHED
 
 
 @kernel
