@@ -312,11 +312,7 @@ def _named(law: Law, gains: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _with_law(loop: LoopParameters, law: str, laws: Mapping[str, Law]) -> LoopParameters:
-    """The loop with an active law.
-
-    Raises:
-        UnknownNameError: no such law.
-    """
+    """The loop with an active law."""
     if law not in laws:
         raise UnknownNameError('law', law, laws, 'law')
     return loop._replace(law=law)

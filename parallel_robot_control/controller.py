@@ -278,11 +278,7 @@ class Controller(ControllerState):
         return self._answer() if self.code > 0 else None
 
     def _befall(self, times: HazardTimes, data: bytes) -> int:
-        """Let happen what hazards do to a controller before it answers a state.
-
-        Returns:
-            ANSWERED, unless it is not to be answered: REFUSED, or REFUSED_LONG.
-        """
+        """Let happen what hazards do to a controller before it answers a state."""
         numbers = self._numbers
         stamp, start = layouts.header_stamp(data), int(numbers[START])
         if stamp is None or start == NEVER:

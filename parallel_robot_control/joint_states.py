@@ -41,13 +41,8 @@ def of_age(age: int, limit: float) -> str:
     )
 
 
-def of_numbers(problem: str, joints: tuple[str, ...]) -> str:
-    """That states are refused because numbers are missing.
-
-    Args:
-        problem: What is wrong with them, see JointReader.
-        joints: Names of the joints.
-    """
+def _of_numbers(problem: str, joints: tuple[str, ...]) -> str:
+    """That states are refused because numbers are missing."""
     what = f'joint states are refused: {problem}'
     if problem.startswith('velocity'):
         way = 'estimator.kind filter or levant, or kalman with estimator.velocities false'
@@ -111,7 +106,7 @@ class RefusedStates:
             elif wrong == faults.STATES_LATE:
                 doubts['age'] = of_age(difference, self._limit)
             else:
-                doubts['numbers'] = of_numbers(problem, joints)
+                doubts['numbers'] = _of_numbers(problem, joints)
         return doubts | {'ahead': of_clock(ahead)}
 
     def _clocks(self) -> tuple[int, int, int]:

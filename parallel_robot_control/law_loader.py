@@ -42,12 +42,8 @@ def learn_titles(sources: Mapping[str, bytes]) -> None:
         CUSTOM_TITLES[name] = text if good else name
 
 
-def learn_title(name: str, law: ModuleType) -> None:
-    """Learn the title of a law that was loaded.
-
-    Raises:
-        InputError: it has one that cannot be used.
-    """
+def _learn_title(name: str, law: ModuleType) -> None:
+    """Learn the title of a law that was loaded."""
     learn_titles({name: custom_module.source_of(law)})
     given = getattr(law, 'TITLE', None)
     if given in TITLES.values():
@@ -81,7 +77,7 @@ def load(path: str) -> tuple[str, Law]:
     """
     stands_for = source_of if is_foreign(path) else None
     name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse, stands_for)
-    learn_title(name, law)
+    _learn_title(name, law)
     return name, cast(Law, law)
 
 

@@ -52,14 +52,8 @@ def wrong_types(returned: Any, wanted: Any) -> str:
     return f'update returns {"; ".join(mistakes)}' if mistakes else ''
 
 
-def wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
-    """Which fields of an output have a wrong shape, and the right one; or nothing.
-
-    Args:
-        output: The output.
-        joints: Number of the joints, n.
-        memory: Memory before the first update.
-    """
+def _wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
+    """Which fields of an output have a wrong shape, and the right one; or nothing."""
     row = np.zeros(joints)
     right = dict(leaves('', ControlOutput(row, row, row, memory)))
     mistakes = [
@@ -165,11 +159,7 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
 
 
 def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
-    """Run the trial with a separate cache; returns the warnings, one per line.
-
-    Raises:
-        InputError: the law is refused.
-    """
+    """Run the trial with a separate cache; returns the warnings, one per line."""
     task = {'file': str(file), 'gains': gains, 'joints': joints}
     ended = child_process.run_trial(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
     if not ended.returned:
@@ -209,11 +199,7 @@ def _raised(error: BaseException, file: Path) -> str:
 
 
 def _run(law: Any, gains: Any, joints: int) -> bool:
-    """Update a law several times with a number of joints; whether it uses its memory.
-
-    Raises:
-        InputError: its output has a wrong shape.
-    """
+    """Update a law several times with a number of joints; whether it uses its memory."""
     with trial_step('initial_memory', TRIAL_LIMIT):
         memory = as_arrays(law.initial_memory(joints))
     first = copy.deepcopy(memory)  # an update may write into it
@@ -236,7 +222,7 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
                 raise InputError(
                     f'update: {_raised(error, Path(law.__file__))}, {where}'
                 ) from error
-        if wrong := wrong_shapes(output, joints, first):
+        if wrong := _wrong_shapes(output, joints, first):
             raise InputError(wrong)
         memory = output.memory
         pairs = zip(_values(memory), _values(first), strict=True)

@@ -217,11 +217,7 @@ def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
 
 
 def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
-    """The step of a law that works with arrays.
-
-    Raises:
-        InputError: the update does not compile or returns something else.
-    """
+    """The step of a law that works with arrays."""
     row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(parts.like)
     right = typeof(ControlOutput(row, row, row, memory))
     try:

@@ -296,11 +296,7 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
 
 
 def _hazards(configuration: PlantConfiguration) -> tuple[Hazard, ...]:
-    """The hazards of a loop.
-
-    Raises:
-        InputError: one cannot happen to this plant.
-    """
+    """The hazards of a loop."""
     hazards, least = parse(configuration.loop.hazards), configuration.safety.state_age
     for k, hazard in enumerate(hazards):
         what = f'{KEY}[{k}]: {hazard.what}'

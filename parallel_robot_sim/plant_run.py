@@ -360,10 +360,6 @@ class PlantRun:
         return True
 
     def _show(self, stamp: int) -> None:
-        """Make the message of the state for a stamp [ns]; the next command is awaited from now on.
-
-        Raises:
-            RunError: the robot was driven out of its workspace.
-        """
+        """Make the message of the state for a stamp [ns], and await the next command."""
         self.commanded = False
         self.stamp, self.message = stamp, self.simulator.message(stamp)

@@ -291,11 +291,7 @@ def named(what: str, given: Any) -> str:
 
 
 def _files(given: File | Iterable[File] | None) -> list[Path]:
-    """Parameter files, one or several.
-
-    Raises:
-        InputError: it is something else.
-    """
+    """Parameter files, one or several."""
     if given is None:
         return []
     if isinstance(given, str | Path) or not isinstance(given, Iterable):

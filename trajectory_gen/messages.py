@@ -110,11 +110,7 @@ def read(data: bytes, names: Sequence[str]) -> Points:
 def _fields(
     data: bytes,
 ) -> tuple[tuple[str, ...], NDArray[np.float64], list[list[NDArray[np.float64]]]]:
-    """Names, times [s] and, for each point, its ROWS.
-
-    Raises:
-        ValueError: the message ends too early, or is something else.
-    """
+    """Names, times [s] and, for each point, its ROWS."""
     reader = Reader(data)
     reader.header()
     names = reader.texts()
@@ -128,11 +124,7 @@ def _fields(
 def _matrix(
     rows: list[list[NDArray[np.float64]]], field: int, size: int, order: list[int]
 ) -> NDArray[np.float64] | None:
-    """One field of all points, shape (N, m); None if all of it is empty.
-
-    Raises:
-        InputError: a point has another number of them, or one is not finite.
-    """
+    """One field of all points, shape (N, m); None if all of it is empty."""
     values = [row[field] for row in rows]
     if not any(map(len, values)):
         return None

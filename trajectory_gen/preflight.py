@@ -198,11 +198,7 @@ def _rests(state: Poses) -> bool:
 
 
 def _spline(state: Reference, points: Points) -> waypoints.Spline:
-    """The motion from a state through points.
-
-    Raises:
-        InputError: the points are too uneven.
-    """
+    """The motion from a state through points."""
     times = np.concatenate([[0.0], points.times])
     pose = np.concatenate([state.pose, points.pose])
     if points.rate is None or points.acceleration is None:

@@ -68,11 +68,7 @@ def _is_motion(kind: Any) -> bool:
 
 
 def _compare(name: str, motion: Any, made: Any, span: float) -> None:
-    """Compare a motion with its finite differences, and with itself after its span.
-
-    Raises:
-        InputError: what is wrong, with time, expected and returned value.
-    """
+    """Compare a motion with its finite differences, and with itself after its span."""
     # Not at round times, where motions have their corners.
     times = (np.arange(2 * SAMPLES) + 0.5**0.5) * span / SAMPLES
     here, before, after = (_sampled(name, motion, made, times + k * STEP) for k in (0, -1, 1))
@@ -102,11 +98,7 @@ def _compare(name: str, motion: Any, made: Any, span: float) -> None:
 
 
 def _look_for_jumps(name: str, motion: Any, made: Any, span: float) -> None:
-    """Look at the whole of a motion, as densely as a loop does.
-
-    Raises:
-        InputError: pose or rate jumps.
-    """
+    """Look at the whole of a motion, as densely as a loop does."""
     dt = max(PERIOD, span / MOST)
     times = np.arange(0.5**0.5 * dt, span, dt)
     pose, rate, acceleration = _sampled(name, motion, made, times)
@@ -130,11 +122,7 @@ def _look_for_jumps(name: str, motion: Any, made: Any, span: float) -> None:
 def _sampled(
     name: str, motion: Any, made: Any, times: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
-    """Pose, rate and acceleration at some times, each of shape (N, m).
-
-    Raises:
-        InputError: they are not of one size, or not finite.
-    """
+    """Pose, rate and acceleration at some times, each of shape (N, m)."""
     motions = [motion(made, float(t)) for t in times]
     size = len(motions[0].pose) if motions else 0
     with contextlib.suppress(ValueError):  # of different shapes
@@ -154,11 +142,7 @@ def _sampled(
 
 
 def _try_once(name: str, shape: Any, parameters: Any) -> None:
-    """Run the motion in a separate process, once for each version of its source.
-
-    Raises:
-        InputError: it reads beyond an array, does not return, fails or ends its process.
-    """
+    """Run the motion in a separate process, once for each version of its source."""
     source = custom_module.source_of(shape)
     mark = f'moved_{hashlib.sha256(source).hexdigest()[:16]}'
     if cache_directory.marked(mark) is not None:

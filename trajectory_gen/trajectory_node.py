@@ -289,12 +289,7 @@ class TrajectoryNode(SuiteNode):
             self.get_logger().warning(text, throttle_duration_sec=0.1)
 
     def _begin_motion(self, data: bytes) -> None:
-        """Let the motion of a message follow the samples that have been sent.
-
-        Raises:
-            InputError: the message is wrong, or there is no motion that it could follow.
-            MotionError: the robot cannot perform it.
-        """
+        """Let the motion of a message follow the samples that have been sent."""
         robot = self._motions.robot
         names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
         points = messages.read(data, names)
@@ -304,15 +299,8 @@ class TrajectoryNode(SuiteNode):
     def _follow(self, plan: Callable[[Course, int], Course]) -> int:
         """Let a new motion follow the samples that have been sent.
 
-        Args:
-            plan: Makes a course of the present one and the index of the sample at which the new
-                motion begins.
-
         Returns:
             Stamp of that sample [ns].
-
-        Raises:
-            InputError: there is no motion that it could follow, or the plan refuses it.
         """
         soon = 0.0 if self.lockstep else SOON
         while soon <= LATEST:

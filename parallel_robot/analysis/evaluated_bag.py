@@ -253,11 +253,7 @@ class _LongBag:
     def evaluated(
         self, warn: Callable[[str], None], moved: bool = True
     ) -> EvaluatedBag | MotionAlone:
-        """All its figures; `moved`: whether its plant may move once more.
-
-        Raises:
-            WholeNeededError: it cannot do so in windows, or the bag cannot be read so.
-        """
+        """All its figures; `moved`: whether its plant may move once more."""
         self._moved = moved and self.moves_again
         course = Course(self._part, self._past, self._count)
         whole, parts = self._jobs()

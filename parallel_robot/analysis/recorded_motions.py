@@ -308,12 +308,7 @@ def of_plant(past: History) -> bool:
 
 
 def _again(log: RunLog, past: History) -> Motion | None:
-    """The true motion by the plant that moves once more; None if it is another one.
-
-    Raises:
-        InputError: the plant cannot be put together.
-        KinematicsError: a sample has no pose.
-    """
+    """The true motion by the plant that moves once more; None if it is another one."""
     configuration = configure_plant(log.config)
     loop = configuration.loop
     if configuration.parameters.engine == MUJOCO:

@@ -240,12 +240,8 @@ def harmless(text: str) -> str:
     return f"'{text}" if text.startswith(FORMULA) else text
 
 
-def write_parquet(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
-    """Write Apache Parquet, each part as a group of rows.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
+def _write_parquet(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
+    """Write Apache Parquet, each part as a group of rows."""
     try:
         import pyarrow  # optional
         import pyarrow.parquet
@@ -265,7 +261,7 @@ def write_parquet(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
 
 FORMATS: dict[str, Callable[[Iterable[TableColumns], IO[bytes]], None]] = {
     '.csv': write_csv,
-    '.parquet': write_parquet,
+    '.parquet': _write_parquet,
 }
 
 

@@ -151,11 +151,7 @@ def make(
 
 
 def _check(option: str, value: Any, least: float, most: float, unit: str = '') -> None:
-    """Refuse a number that is out of its range.
-
-    Raises:
-        InputError: it is, or it is no number.
-    """
+    """Refuse a number that is out of its range."""
     known = isinstance(value, Real) and math.isfinite(value)
     if not (known and least <= value <= most):
         span = f'{least:g} to {most:g} {unit}'.rstrip()

@@ -177,11 +177,7 @@ def _defaults(stored: Any, nodes: Mapping[str, Mapping[str, Any]]) -> dict[str, 
 
 
 def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
-    """Check that the values of a stored configuration have the types of the known ones.
-
-    Raises:
-        ValueError: they are not.
-    """
+    """Check that the values of a stored configuration have the types of the known ones."""
     if not isinstance(stored, dict):
         raise ValueError('no keys and values')
     for key, value in stored.items():

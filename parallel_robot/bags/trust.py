@@ -38,16 +38,8 @@ WORD = re.compile(r'\w+')
 ENDS = re.compile('\r\n|\r|\n')  # of lines, as Python reads them
 
 
-def decoded_source(name: str, source: bytes) -> str:
-    """The text of a source as Python reads it.
-
-    Args:
-        name: Of the file, for messages.
-        source: Its bytes.
-
-    Raises:
-        BagError: it is not plain UTF-8, or no Python.
-    """
+def _decoded_source(name: str, source: bytes) -> str:
+    """The text of a source as Python reads it."""
     try:
         text = source.decode('utf-8-sig')
         lines = io.BytesIO(re.sub(rb'\r\n?', b'\n', source)).readline
@@ -214,17 +206,10 @@ def parse_attachment(attachment: str) -> tuple[str, str] | None:
 PATHS = 'PYTHONPATH'  # for the processes that are started
 
 
-def refuse_near_modules(bag: Path, texts: Mapping[str, str]) -> None:
+def _refuse_near_modules(bag: Path, texts: Mapping[str, str]) -> None:
     """Let code of a bag import nothing that lies beside the bag or in the current directory.
 
     The suite itself may lie there.
-
-    Args:
-        bag: The bag.
-        texts: Its code by title, as Python.
-
-    Raises:
-        BagError: the code names such a module.
     """
     if not texts:
         return
@@ -339,10 +324,10 @@ def custom_files(
         )
     texts = {}
     for name, source in (pair for found in strange.values() for pair in found.items()):
-        texts[f'{name}.py, sha256 {hashlib.sha256(source).hexdigest()}'] = decoded_source(
+        texts[f'{name}.py, sha256 {hashlib.sha256(source).hexdigest()}'] = _decoded_source(
             f'{bag}: {name}.py', source
         )
-    refuse_near_modules(bag, texts)
+    _refuse_near_modules(bag, texts)
     if told and count and sys.stdin.isatty() and sys.stderr.isatty():
         _ask(texts)
     names = [name for found in used.values() for name in found]
@@ -386,14 +371,7 @@ def _noted() -> set[str]:
 
 
 def _ask(texts: Mapping[str, str]) -> None:
-    """Show code on the terminal and ask whether to run it.
-
-    Args:
-        texts: The code by title.
-
-    Raises:
-        BagError: the user refuses.
-    """
+    """Show code on the terminal and ask whether to run it."""
     encoding = getattr(sys.stderr, 'encoding', None) or 'ascii'
     for title, text in texts.items():
         print(f'---- {with_escapes(title, encoding)[0]}', file=sys.stderr)

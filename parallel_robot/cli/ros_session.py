@@ -325,11 +325,7 @@ def _heard(own: Node) -> list[str]:
 
 
 def _parameter(name: str, value: Any) -> Parameter:
-    """A parameter of ROS.
-
-    Raises:
-        InputError: ROS has none of such a value.
-    """
+    """A parameter of ROS."""
     items = value if isinstance(value, list) else [value]
     try:
         if any(isinstance(item, int) and item.bit_length() > 63 for item in items):

@@ -51,11 +51,7 @@ def add_window_arguments(parser: argparse.ArgumentParser, text: str = OF_FIGURES
 
 
 def _time(text: str) -> float:
-    """A time [s].
-
-    Raises:
-        argparse.ArgumentTypeError: it is none.
-    """
+    """A time [s]."""
     found = number(text)
     if not math.isfinite(found):
         raise argparse.ArgumentTypeError(f'a time in s is wanted, not {text!r}')
@@ -119,7 +115,7 @@ def bag_view(
     """
     joints = (arguments.joints or '').split(',')
     return view(
-        topics_of(arguments.topics),
+        _topics_of(arguments.topics),
         None if arguments.namespace is None else full(arguments.namespace),
         [name.strip() for name in joints if name.strip()],
         arguments.scenario,
@@ -129,12 +125,8 @@ def bag_view(
     )._replace(whole=whole)
 
 
-def topics_of(words: list[str]) -> dict[str, str]:
-    """Topics by name, of words NAME=TOPIC.
-
-    Raises:
-        InputError: a word is none.
-    """
+def _topics_of(words: list[str]) -> dict[str, str]:
+    """Topics by name, of words NAME=TOPIC."""
     found = {}
     for word in words:
         name, equals, topic = word.partition('=')

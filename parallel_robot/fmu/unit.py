@@ -132,11 +132,7 @@ def _number(value: Any) -> str:
 
 
 def _library(kernels: bytes, table: str, version: int) -> bytes:
-    """Link kernels, table and the functions of FMI.
-
-    Raises:
-        InputError: gcc does not.
-    """
+    """Link kernels, table and the functions of FMI."""
     with tempfile.TemporaryDirectory() as directory:
         folder = Path(directory)
         for name in SOURCES:

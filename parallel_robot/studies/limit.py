@@ -199,11 +199,6 @@ def _squares(motion: LinearMotion, noise: Noise, places: NDArray[np.int64]) -> A
     """Least mean square errors, that of sample EVERY i + late + 1 in element i.
 
     At first the state is known, the disturbance is not.
-
-    Args:
-        motion: The linearised motion; of the measurements only those that tell something.
-        noise: What is not known; `position` is the noise of these measurements.
-        places: Point of the motion that is nearest to each sample.
     """
     states, joints = motion.torque.shape[1:]
     size, count = states + joints, len(places) - 1 - noise.late

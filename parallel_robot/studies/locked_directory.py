@@ -118,11 +118,7 @@ class LockedDirectory(abc.ABC):
         return found
 
     def _claim(self) -> None:
-        """Make the directory, if need be, and lock it; remove files that a kill left unfinished.
-
-        Raises:
-            InputError: it holds something else, or is locked.
-        """
+        """Make and lock the directory; remove files that a kill left unfinished."""
         known = {self.MANIFEST, *self.FIRST}
         manifest = self.directory / self.MANIFEST
         if self.directory.exists() and not manifest.exists():

@@ -123,11 +123,7 @@ class Channel:
             self._socket.send(process.told_gains(session, self._chosen[session]))
 
     def _first_words(self, ours: socket.socket) -> dict[str, Any]:
-        """What the process says of the law that it has loaded.
-
-        Raises:
-            InputError: it could not.
-        """
+        """What the process says of the law that it has loaded."""
         ours.settimeout(LOADING)
         try:
             words = ours.recv(1 << 16)

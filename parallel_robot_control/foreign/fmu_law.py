@@ -22,20 +22,8 @@ from parallel_robot_model.configuration.fields import Field, check
 FLOATS = ('Real', 'Float64', 'Float32')
 
 
-def described_gains(file: Path, called: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """What an FMU says of the parameters that are gains; nothing of it is run.
-
-    Args:
-        file: The FMU.
-        called: Gain to the name of its parameter.
-
-    Returns:
-        Gain to its ``variable``, ``start``, ``unit``, ``text``, ``low`` and ``high``, None where
-        there is no limit.
-
-    Raises:
-        InputError: it cannot be read, has no such parameter, or says of it what is no number.
-    """
+def _described_gains(file: Path, called: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """What an FMU says of the parameters that are gains; nothing of it is run."""
     if len(called) > MOST_GAINS:
         raise InputError(f'{file}: at most {MOST_GAINS} parameters are gains, not {len(called)}')
     try:
@@ -168,7 +156,7 @@ def names_beside(path: Path) -> dict[str, Any]:
             raise InputError(f'{file}: {error}') from None
         found.setdefault(group, {})[name] = value
     if 'gains' in found:
-        found['gains'] = described_gains(path, found['gains'])
+        found['gains'] = _described_gains(path, found['gains'])
     return found | step
 
 
@@ -353,11 +341,7 @@ class FmuLaw:
         return list(map(float, self._call(get, numbers, **count)))
 
     def _call(self, function: Any, *given: Any, **named: Any) -> Any:
-        """Call a function of the FMU.
-
-        Raises:
-            InputError: it does not do it; what it says of it.
-        """
+        """Call a function of the FMU."""
         try:
             return function(*given, **named)
         except Exception as error:
@@ -408,11 +392,7 @@ class FmuLaw:
         return variable if variable.type in types else None
 
     def _of(self, name: str, role: str, types: tuple[str, ...]) -> Any:
-        """A variable of the FMU.
-
-        Raises:
-            InputError: it has none of this name, or it is something else.
-        """
+        """A variable of the FMU."""
         variable = self._variables.get(name)
         if variable is None:
             alike = [each.name for each in self._variables.values() if each.causality == role]

@@ -63,11 +63,7 @@ class ForeignLaw:
             self._channel.choose(memory.session, own)
 
     def _check(self) -> None:
-        """Refuse another file than the one that was named.
-
-        Raises:
-            InputError: it is another one, or gone.
-        """
+        """Refuse another file than the one that was named."""
         try:
             digest = hashlib.sha256(Path(self.path).read_bytes()).hexdigest()
         except OSError as error:

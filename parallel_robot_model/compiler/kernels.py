@@ -189,11 +189,7 @@ class KernelCache(FunctionCache):  # type: ignore[misc]
 
     @contextlib.contextmanager
     def _alone(self) -> Iterator[None]:
-        """Keep other processes from writing the files within the context.
-
-        Raises:
-            BlockingIOError: another one keeps them for long, because it was stopped.
-        """
+        """Keep other processes from writing the files within the context."""
         with open(os.path.join(self._cache_file._cache_path, 'lock'), 'ab') as file:
             due = time.monotonic() + LOCK_TIMEOUT
             while True:
@@ -227,11 +223,7 @@ def cache_of(function: Any) -> KernelCache | NoCache:
 
 @functools.cache
 def _check_private(folder: str) -> None:
-    """Check that no other user could have written what would be run.
-
-    Raises:
-        PermissionError: one could.
-    """
+    """Check that no other user could have written what would be run."""
     if not is_private(folder):
         _warn(folder)
         raise PermissionError(folder)

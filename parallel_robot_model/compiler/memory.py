@@ -243,13 +243,7 @@ _LIBC = ctypes.CDLL(None)
 
 
 def _of_libc(name: str, arguments: int, bits: int) -> Callable[..., int]:
-    """A function of libc, for kernels and for Python.
-
-    Args:
-        name: Its name.
-        arguments: How many it takes: integers of any size and addresses.
-        bits: Size of the integer that it returns.
-    """
+    """A function of libc, for kernels and for Python."""
     function = getattr(_LIBC, name)
     function.argtypes = [ctypes.c_int64] * arguments
     function.restype = ctypes.c_int64 if bits == 64 else ctypes.c_int32

@@ -253,11 +253,7 @@ def _constant(module: ir.Module, name: str, kind: Any, value: Any) -> None:
 
 
 def _emitted(module: Any, entries: Collection[str]) -> bytes:
-    """The machine code of a module without what nobody calls.
-
-    Raises:
-        InputError: it makes arrays.
-    """
+    """The machine code of a module without what nobody calls."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
     machine = llvm.Target.from_triple(TRIPLE).create_target_machine(

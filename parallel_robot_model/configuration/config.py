@@ -60,12 +60,8 @@ def module_files(values: Mapping[str, Any], key: str) -> list[str]:
     return list(paths)
 
 
-def check_modules(values: Mapping[str, Any]) -> None:
-    """Refuse what is not a list of texts.
-
-    Raises:
-        InputError: a key of CODE has something else.
-    """
+def _check_modules(values: Mapping[str, Any]) -> None:
+    """Refuse what is not a list of texts."""
     for key in CODE & values.keys():
         _check_module_paths(key, values[key])
 
@@ -160,7 +156,7 @@ def resolve_with_sources(
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
     files = shipped()
     asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
-    check_modules(asked)
+    _check_modules(asked)
     own = loaded.defaults(asked)
     with locating(asked):
         layers = [files.defaults, *_robot(files, asked, own)]
@@ -199,11 +195,7 @@ def resolve_with_sources(
 
 
 def _check_names(asked: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]) -> None:
-    """Refuse custom laws and trajectories whose groups exist already: they bear their names.
-
-    Raises:
-        InputError: there is already such a group.
-    """
+    """Refuse custom laws and trajectories whose groups exist already: they bear their names."""
     taken = _groups(layers)
     for key, others in (('custom_laws', gains), ('custom_trajectories', [])):
         for name in (Path(path).stem for path in asked[key]):
@@ -243,7 +235,7 @@ def changed(
         InputError: a value that cannot be one of its key.
     """
     changes = config_files.with_file_contents(_plain(changes))
-    check_modules(changes)
+    _check_modules(changes)
     asked = {**values, **changes}
     own = loaded.defaults(asked)
     gains = merged(values for _, values in _gains(shipped(), asked, own))
@@ -297,12 +289,7 @@ def robot_models() -> list[str]:
 
 
 def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
-    """Defaults of the robot; `own` are those of custom modules and of a description.
-
-    Raises:
-        UnknownNameError: no such robot.
-        InputError: a custom robot has the name of one that exists.
-    """
+    """Defaults of the robot; `own` are those of custom modules and of a description."""
     name = str(values['robot_model'])
     custom = [Path(path).stem for path in values['custom_robots']]
     taken = sorted({*custom} & {*files.robots})

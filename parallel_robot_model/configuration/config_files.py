@@ -138,13 +138,10 @@ def shipped_machines() -> list[str]:
     return sorted(path.stem for path in (directory() / MACHINES).glob('*.xml'))
 
 
-def with_machine(values: Placed) -> Placed:
+def _with_machine(values: Placed) -> Placed:
     """Values with the text of the machine that they name, if any, and its name.
 
     A path counts from the file in which it stands, or else from the current directory.
-
-    Raises:
-        InputError: it cannot be read, or has the name of another robot of the suite.
     """
     model = values.get(MODEL)
     if not isinstance(model, str) or values.get(DESCRIPTION):
@@ -187,7 +184,7 @@ def with_file_contents(values: Placed) -> Placed:
     Raises:
         InputError: a file cannot be read, or is no such file.
     """
-    return with_machine(points.with_points(values))
+    return _with_machine(points.with_points(values))
 
 
 # Scenarios: shipped ones by name, others by the path of a YAML file or of a described robot.
@@ -234,13 +231,8 @@ def scenario_names(shipped: Path) -> list[str]:
     return sorted(path.stem for path in shipped.glob('*.yaml'))
 
 
-def scenario_name(scenario: str, shipped: Path) -> str:
-    """Name of a scenario: that of its file without the suffix.
-
-    Raises:
-        UnknownNameError: no such scenario is shipped.
-        InputError: a file has the name of a shipped scenario, or one that bags cannot hold.
-    """
+def _scenario_name(scenario: str, shipped: Path) -> str:
+    """Name of a scenario: that of its file without the suffix."""
     if not is_scenario_path(scenario):
         if scenario not in scenario_names(shipped):
             raise UnknownNameError('scenario', scenario, scenario_names(shipped), 'scenario')
@@ -268,7 +260,7 @@ def scenario_layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path,
         InputError: a file cannot be read, names code, or has another name of the scenario, or
             bases lead back to where they began.
     """
-    name = scenario_name(scenario, shipped)
+    name = _scenario_name(scenario, shipped)
     place = _place(scenario) if is_scenario_path(scenario) else _shipped(name, shipped)
     if is_robot_scenario(scenario):
         return name, [(place, with_file_contents(Placed({MODEL: str(place)})))]
@@ -311,11 +303,7 @@ def _shipped(name: str, shipped: Path) -> Path:
 
 
 def _place(path: str, start: Path | None = None) -> Path:
-    """Absolute path of a file, from a directory; None: from the current one.
-
-    Raises:
-        InputError: nothing can have this path.
-    """
+    """Absolute path of a file, from a directory; None: from the current one."""
     try:
         return ((start or Path()) / Path(path).expanduser()).resolve()
     except (OSError, RuntimeError, ValueError) as error:  # too long, home of an unknown user

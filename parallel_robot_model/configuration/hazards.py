@@ -136,11 +136,7 @@ def checked(given: Any, joints: Sequence[str], period: float) -> tuple[Hazard, .
 
 
 def _hazard(key: str, given: Any) -> Hazard:
-    """One hazard.
-
-    Raises:
-        InputError: it is none.
-    """
+    """One hazard."""
     what, said = _said(key, given)
     if what not in KINDS:
         raise UnknownNameError(f'value of {key}', what, KINDS)
@@ -163,11 +159,7 @@ def _hazard(key: str, given: Any) -> Hazard:
 
 
 def _said(key: str, given: Any) -> tuple[str, dict[str, Any]]:
-    """Kind of a hazard, and what is said of it, word by word.
-
-    Raises:
-        InputError: it has no such form.
-    """
+    """Kind of a hazard, and what is said of it, word by word."""
     if isinstance(given, Mapping):
         said = dict(given)
         return check(f'{key}.{WHAT}', str, Field('', ''), said.pop(WHAT, '')), said

@@ -185,11 +185,7 @@ def length_or_angle(name: str) -> str:
 
 
 def _check_quaternions(path: Path, numbers: Array, names: Sequence[str]) -> None:
-    """Refuse quaternions that are no rotations.
-
-    Raises:
-        InputError: the length of one is not 1.
-    """
+    """Refuse quaternions that are no rotations."""
     if QUATERNION[0] not in names:
         return
     lengths = np.linalg.norm(numbers[:, -len(QUATERNION) :], axis=1)
@@ -213,11 +209,7 @@ def _kind(name: str, units: Sequence[str]) -> str:
 
 
 def _scales(units: Sequence[str]) -> dict[str, float]:
-    """What a number of each kind is multiplied with.
-
-    Raises:
-        InputError: a unit is not known, or two are of one kind.
-    """
+    """What a number of each kind is multiplied with."""
     scales: dict[str, float] = {}
     for unit in units:
         kind = next((kind for kind, sizes in KINDS.items() if unit in sizes), None)
@@ -239,11 +231,7 @@ def _read(text: str, comma: bool) -> float | None:
 
 
 def _number(where: str, text: str, comma: bool) -> float:
-    """A finite number.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A finite number."""
     value = _read(text, comma)
     if value is None or not math.isfinite(value) or '_' in text:
         shown = printable(text.strip(), yaml_file.STRING)

@@ -173,18 +173,11 @@ def _write(node: Node, parts: list[str], line: int) -> int:
 LOOP_KEYS = ('closed_loop', 'type', 'name_mot', 'joint_name', 'joint_type')
 
 
-def add_loops(robot: Node, path: Path) -> None:
+def _add_loops(robot: Node, path: Path) -> None:
     """Add what stands in the YAML file of the same name, if there is one, to a URDF.
 
     Elements `closed_loop` with `first`, `second` and `type`, `name_mot` and `joint_type` with
     `joint` and `type`.
-
-    Args:
-        robot: The outermost element of the URDF.
-        path: Its file.
-
-    Raises:
-        InputError: the YAML file does not have the form of the source.
     """
     beside = path.with_suffix('.yaml')
     if not beside.exists():
@@ -269,7 +262,7 @@ def text_of(path: str | Path) -> str:
     if root.tag == 'mujoco':
         _drop_geometry(root)
     if root.tag == 'robot':
-        add_loops(root, path)
+        _add_loops(root, path)
     return write_xml(root, merged)
 
 

@@ -154,11 +154,7 @@ def content(path: Path, most: int) -> bytes:
 
 
 def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) -> None:
-    """Add the keys of a mapping to those found.
-
-    Raises:
-        InputError: a key stands twice or is not a text, or a value is not plain.
-    """
+    """Add the keys of a mapping to those found."""
     own = set()
     for key_node, value_node in node.value:
         where = f'{path}, line {key_node.start_mark.line + 1}'

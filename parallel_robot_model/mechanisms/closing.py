@@ -299,11 +299,7 @@ def _return_here(mechanism: Mechanism, workspace: Workspace) -> None:
 
 @inner
 def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float, float]:
-    """Write the derivatives of the way to q.
-
-    Returns:
-        How much the Jacobian changes on it, relative, and the way of the passive joints.
-    """
+    """Write the derivatives of the way to q."""
     way, W, here = workspace.way, workspace.W, workspace.here
     clear(way[0])
     for i in range(len(here)):

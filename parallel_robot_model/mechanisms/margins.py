@@ -108,11 +108,7 @@ def _make_tridiagonal(a: Array, out: Array) -> None:
 
 @inner
 def _times_lower(a: Array, u: Array, p: Array, start: int) -> float:
-    """Add the symmetric matrix times u to p, both from an index on.
-
-    Returns:
-        u a u.
-    """
+    """Add the symmetric matrix times u to p, both from an index on."""
     along = 0.0
     for i in range(start, len(a)):
         total, own = 0.0, u[i]

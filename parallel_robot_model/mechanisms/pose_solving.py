@@ -134,11 +134,7 @@ def _what_stops(mechanism: Mechanism, workspace: Workspace, length: float) -> in
 
 @inner
 def _linearise(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> bool:
-    """Write errors of closures and tool at the trial, and their derivatives.
-
-    Returns:
-        Whether their determinants have the signs that they had.
-    """
+    """Write errors of closures and tool at the trial, and their derivatives."""
     if settle(mechanism, workspace) != workspace.state[SIGN]:
         return False
     derive(mechanism, workspace)
@@ -159,11 +155,7 @@ def _look(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float)
 
 @inner
 def _direct(mechanism: Mechanism, workspace: Workspace) -> float:
-    """Write the derivative of all joints by the share of the way.
-
-    Returns:
-        Length of the whole way, of the joint that moves most, in its units.
-    """
+    """Write the derivative of all joints by the share of the way."""
     way = workspace.way
     for k in range(len(workspace.pose)):
         workspace.tool_error[k] = workspace.tool_way[1, k]
@@ -212,11 +204,7 @@ def _step(
 
 @inner
 def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
-    """Correct the trial by the errors of closures and tool together.
-
-    Returns:
-        The largest correction of a joint, in its units.
-    """
+    """Correct the trial by the errors of closures and tool together."""
     layout, single, trial = workspace.layout, workspace.single, workspace.trial
     rate, size = workspace.rate, 0.0
     clear(rate)

@@ -38,23 +38,10 @@ from parallel_robot_model.processes.ending_signals import ending_signals
 AddArguments = Callable[[argparse.ArgumentParser], None]
 
 
-def read_arguments(
+def _read_arguments(
     node: Callable[..., Any], words: Sequence[str], add_arguments: AddArguments | None = None
 ) -> dict[str, Any]:
-    """Read the command line of a node; ``--help`` is answered, and ends the process.
-
-    Args:
-        node: Class of the node. Its help shows the docstring of its module and, as an example,
-            its `example` after its name.
-        words: The command line, with the name of the program.
-        add_arguments: Declares arguments of the node's own; None: it has none.
-
-    Returns:
-        Name to value of the node's own arguments.
-
-    Raises:
-        InputError: an argument is unknown, or its value is wrong.
-    """
+    """Read the command line of a node; ``--help`` is answered, and ends the process."""
     name = node.__name__.removesuffix('Node').lower()
     about = inspect.cleandoc(sys.modules[node.__module__].__doc__ or '')
     parser = Parser(
@@ -109,7 +96,7 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
     log_to_ros()
     sys.setswitchinterval(SWITCH)
     try:
-        given = read_arguments(make, sys.argv, add_arguments)
+        given = _read_arguments(make, sys.argv, add_arguments)
         transport_choice = middleware.asked_middleware(sys.argv)
         with middleware.explained(), middleware.chosen_transport(transport_choice) as transport:
             _initialise()
@@ -145,11 +132,7 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
 
 
 def _initialise() -> None:
-    """Start rclpy without its signal handlers.
-
-    Raises:
-        InputError: the ROS arguments of the command line are wrong.
-    """
+    """Start rclpy without its signal handlers."""
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # base of every error that rcl raises about its arguments

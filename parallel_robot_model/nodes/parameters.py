@@ -112,10 +112,6 @@ def _meant(own: Any, value: Any) -> Any:
     """What is meant by a value that rclpy read in a file, or `ros2 param set` on its command line.
 
     Their YAML takes a number without a dot, as 7e-05, for a text, and the text off for false.
-
-    Args:
-        own: What the parameter has.
-        value: What it shall have.
     """
     if isinstance(own, str):
         return own if not isinstance(value, str) and _read(own) == value else value

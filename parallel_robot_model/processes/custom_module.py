@@ -30,13 +30,10 @@ INSTALLED = {'site-packages', 'dist-packages'}  # folders of what pip and Debian
 _seen: dict[str, bytes] = {}  # sources of modules that are imported, which may have changed since
 
 
-def imported_sources(source: bytes) -> bytes:
+def _imported_sources(source: bytes) -> bytes:
     """Sources of the modules that a file imports, and of those that these import.
 
     What is installed, and the suite, are left out.
-
-    Args:
-        source: The file; empty where it is not valid Python.
     """
     contents: dict[str, bytes] = {}
     waiting = [*_names(source)]
@@ -117,17 +114,8 @@ def classes_of(module: Any) -> list[type]:
 Rehearse = Callable[[ModuleType], None]
 
 
-def try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
-    """Import a file in a separate process, once for each version of its source.
-
-    Args:
-        file: The file.
-        source: Its source.
-        rehearse: Function of a module of the suite: it calls what the file defines in Python.
-
-    Raises:
-        InputError: it cannot be imported, or it ends its process, or does not return.
-    """
+def _try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
+    """Import a file in a separate process, once for each version of its source."""
     digest = hashlib.sha256(source).hexdigest()
     mark = f'imported_{digest[:16]}'
     if cache_directory.marked(mark) is not None:
@@ -146,7 +134,7 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     # Numba tells tuples apart by the names of module and class: two files must not share one.
     # Machine code is kept under the name, too: copies share it, unless they look where they lie.
     place = bytes(file) + b'\0' if b'__file__' in source else b''
-    content = place + source + imported_sources(source)
+    content = place + source + _imported_sources(source)
     digest = hashlib.sha256(content).hexdigest()[:16]
     name = f'{cache_directory.PREFIX}{file.stem}_{digest}'
     # Whatever the file is called, the source is Python.
@@ -272,7 +260,7 @@ def _module(
     if key not in _loaded:
         with _telling(f'loading {file} has taken {SLOW:g} s so far'):
             if stands_for is None:  # else it is ours
-                try_file(file, source, rehearse)
+                _try_file(file, source, rehearse)
             _loaded[key] = import_file(file, source)
     return _loaded[key]
 

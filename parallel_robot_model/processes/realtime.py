@@ -96,11 +96,7 @@ class _Attributes(ctypes.Structure):
 
 
 def _slice(nanoseconds: int) -> bool:
-    """Ask for short slices: a thread with a shorter slice runs sooner (Linux 6.12).
-
-    Returns:
-        Whether the system supports it.
-    """
+    """Ask for short slices: a thread with a shorter slice runs sooner (Linux 6.12)."""
     number = SCHED_SETATTR.get(platform.machine())
     if number is None:
         return False

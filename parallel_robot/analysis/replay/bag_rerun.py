@@ -109,7 +109,7 @@ class Experiment:
         if self.past.facts.get('start_stamp', '0') == '0':
             return Rerun(out, unlike='nodes that were started by hand', warnings=self.warnings)
         if not self.simulated or self.values['duration'] != planned_length(log, self.past):
-            until = common_end(log, run_windows.run_end(out, memory)[0])
+            until = _common_end(log, run_windows.run_end(out, memory)[0])
         if until is not None:
             reach = f', as far as both bags go, t = {(until - log.start_stamp) / NANOSECONDS:g} s'
         count, difference = bag_difference.compare(self.bag, out, memory, until)
@@ -185,14 +185,11 @@ def planned_length(log: RunLog, past: History) -> float:
     return asked if asked and simulated(past) else length(log)
 
 
-def common_end(log: RunLog, other: RunLog) -> int | None:
+def _common_end(log: RunLog, other: RunLog) -> int | None:
     """Log time [ns] up to which two runs in lockstep can be the same.
 
     A run that was stopped ends with messages of its stop, and without some that are sent for
     several samples together.
-
-    Returns:
-        The log time; None where both runs came to their end.
     """
     ends, last = [int(each.stamps[-1]) for each in (log, other)], 2 * SLOW
     planned = loop_of(log.config)

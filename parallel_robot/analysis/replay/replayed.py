@@ -153,11 +153,7 @@ class InParts:
     def _answer(
         self, loop: RecordedController, torque: np.ndarray, check: int, stop: int
     ) -> tuple[int, Moment]:
-        """Answer states up to one, and to another one to see that they are understood.
-
-        Returns:
-            The state up to which answers are sure, at `check` or after it, and the moment before.
-        """
+        """Answer states up to one, and to another one to see that they are understood."""
         moment, k, common = self._moment, self._skip, loop.common_start(self._history)
         begins = moment is None
         if moment is None:

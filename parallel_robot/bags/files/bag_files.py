@@ -113,11 +113,7 @@ def _holds_files(path: Path) -> bool:
 
 
 def _regular(path: Path) -> IO[bytes]:
-    """Open a regular file and nothing else: reading a pipe would block.
-
-    Raises:
-        OSError: it cannot be opened.
-    """
+    """Open a regular file and nothing else: reading a pipe would block."""
     number = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(number).st_mode):
         os.close(number)
@@ -126,12 +122,7 @@ def _regular(path: Path) -> IO[bytes]:
 
 
 def _unpack(path: Path, packed: IO[bytes], most: int, unpacked: IO[bytes]) -> None:
-    """Unpack a file up to where it is broken.
-
-    Raises:
-        BagError: it is larger than `most` [bytes], or than half of what is free on the disk.
-        OSError: the disk is full.
-    """
+    """Unpack a file up to where it is broken."""
     free = shutil.disk_usage(tempfile.gettempdir()).free // 2
     with contextlib.suppress(zstandard.ZstdError):  # the rest is lost
         pieces = zstandard.ZstdDecompressor().read_to_iter(packed, write_size=PIECE)

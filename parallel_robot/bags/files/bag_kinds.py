@@ -72,19 +72,10 @@ def scan_sqlite(path: Path, file: File, skipped: Collection[int] = ()) -> Iterat
             yield Damage('record', 0)
 
 
-def index_sqlite(
+def _index_sqlite(
     path: Path, file: File, chunks: ChunkTable
 ) -> list[Schema | Channel | Statistics] | None:
-    """What the summary of an MCAP file would hold; None where a row is not sound.
-
-    Args:
-        path: The file.
-        file: Its content.
-        chunks: Takes where its chunks lie: ROWS rows that follow each other.
-
-    Raises:
-        BagError: it is no bag, or takes more than is allowed.
-    """
+    """What the summary of an MCAP file would hold; None where a row is not sound."""
     counts: Counter[int] = Counter()
     with ExitStack() as stack:
         try:
@@ -137,11 +128,7 @@ class SqliteFile:
 
 
 def _opened(path: Path, file: File, stack: ExitStack) -> sqlite3.Connection:
-    """A connection to a file that nothing is written to, or to a copy of it.
-
-    Raises:
-        sqlite3.Error: it cannot be opened.
-    """
+    """A connection to a file that nothing is written to, or to a copy of it."""
     place, mode = path, 'mode=ro&immutable=1'
     journal = path.with_name(path.name + JOURNAL)
     if path.suffix == '.zstd' or (journal.is_file() and journal.stat().st_size):
@@ -271,7 +258,7 @@ def index(path: Path, file: File) -> tuple[list[Any], ChunkTable] | None:
     """
     chunks = ChunkTable()
     if is_sqlite(file):
-        found = index_sqlite(path, file, chunks)
+        found = _index_sqlite(path, file, chunks)
     else:
         found = mcap_records.index(*file, chunks)
     return None if found is None else (found, chunks)

@@ -243,12 +243,6 @@ def _end(data: memoryview, offset: int, stop: int, exact: bool = False) -> int |
 
     One with more than it must have, or of an unknown kind, counts where another one follows it:
     else its length or its opcode is damaged.
-
-    Args:
-        data: The file.
-        offset: Where the record begins.
-        stop: Where it may end.
-        exact: Whether it must be of a known kind, and have nothing more.
     """
     end = _stated_end(data, offset, stop)
     if end is None or _is_whole(data[offset:end], exact=True):

@@ -235,11 +235,7 @@ def _next_kind(topic: Topic, payloads: np.ndarray) -> tuple[int, Kind | None, st
 
 
 def _kind(topic: Topic, message: bytes) -> Kind:
-    """Layout of messages like this one, and its joints.
-
-    Raises:
-        ValueError: it is not one of the topic.
-    """
+    """Layout of messages like this one, and its joints."""
     if len(message) > MESSAGE:
         raise ValueError(f'a message of more than {MESSAGE} bytes')
     if topic.type == topics.POSE.type:

@@ -54,16 +54,8 @@ def deserialize(message: bytes, name: str) -> Any:
     return _store(name).deserialize_cdr(message, name)
 
 
-def reserialize(message: bytes, name: str) -> bytes:
-    """A message of a type of the suite in little-endian CDR.
-
-    Args:
-        message: CDR of any order of bytes, with its encapsulation.
-        name: ROS type.
-
-    Raises:
-        Exception: the bytes are broken; any length or string in them can be wrong.
-    """
+def _reserialize(message: bytes, name: str) -> bytes:
+    """A message of a type of the suite in little-endian CDR."""
     return bytes(_store(name).serialize_cdr(deserialize(message, name), name))
 
 
@@ -135,7 +127,7 @@ def little_endian(topic: Topic, messages: Messages) -> Messages:
     payloads = messages.payloads.copy()
     for row in (payloads[k] for k in np.flatnonzero(big)):
         try:
-            found = reserialize(row.tobytes(), topic.type)
+            found = _reserialize(row.tobytes(), topic.type)
         except Exception:  # in broken bytes, anything can go wrong
             continue
         if len(found) <= len(row):

@@ -122,9 +122,6 @@ def _used(bag: Path, acts: np.ndarray, first: int) -> np.ndarray:
         bag: The bag, for error messages.
         acts: Times of the states [ns], shape (N,).
         first: The first time that has a reference and belongs to the run [ns].
-
-    Raises:
-        BagError: none has, or they have no order in time.
     """
     used: np.ndarray = acts >= first
     if not used.any():

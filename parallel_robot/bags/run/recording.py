@@ -45,18 +45,10 @@ from parallel_robot_model.messages.topics import (
 # bag be read as every other, and are taken out again.
 
 
-def with_absent_topics(
+def _with_absent_topics(
     streams: Mapping[Topic, list[Samples]], joints: Callable[[], tuple[str, ...]]
 ) -> tuple[dict[Topic, list[Samples]], tuple[Topic, ...]]:
-    """Streams of a bag with samples in place of references and commands that are not there.
-
-    Args:
-        streams: Those of the bag.
-        joints: Tells the names of the joints, where they are needed.
-
-    Returns:
-        The streams, and the topics that are not there.
-    """
+    """Streams of a bag with samples in place of references and commands that are not there."""
     absent = tuple(topic for topic in (REFERENCE, COMMANDS) if topic not in streams)
     found, states = dict(streams), streams.get(JOINT_STATES, [])
     if absent and states:
@@ -378,7 +370,7 @@ class _Source:
         known = run_messages.streams_of(self._bag, streams, self._view)
         if not self._motion_only:
             return known, ()
-        return with_absent_topics(known, lambda: self._settings[1].joints)
+        return _with_absent_topics(known, lambda: self._settings[1].joints)
 
     def _meant(self, kinds: Mapping[str, str]) -> dict[str, Topic]:
         """Topics of the suite by their names in the bag, of types by name."""

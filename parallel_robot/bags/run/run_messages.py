@@ -291,11 +291,7 @@ def of(
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
-    """Leave out samples whose numbers no robot can have, with a line in `warnings`.
-
-    Raises:
-        BagError: nothing is left.
-    """
+    """Leave out samples whose numbers no robot can have, with a line in `warnings`."""
     kept = physical(samples)
     count = len(kept) - int(kept.sum())
     if not count:

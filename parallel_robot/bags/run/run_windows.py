@@ -181,11 +181,7 @@ def run_end(bag: Path, memory: int = MEMORY) -> tuple[RunLog, History, int]:
 
 
 def _gathered(bag: Path, windows: Iterator[Recording]) -> Recording:
-    """The run of some windows that follow each other: stamps and times of their states.
-
-    Raises:
-        WholeNeededError: they do not hold the same, or there is none.
-    """
+    """The run of some windows that follow each other: stamps and times of their states."""
     parts: dict[str, list[np.ndarray]] = {name: [] for name in ('stamps', 'time')}
     told = AlikeLines()
     first: Recording | None = None

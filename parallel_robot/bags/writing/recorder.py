@@ -232,11 +232,7 @@ class Recorder:
         self._notes.put(lambda writer: writer.note(name, facts))
 
     def _attach(self, key: str, path: str) -> None:
-        """Attach the file of a custom module as it is now, once.
-
-        Raises:
-            InputError: it cannot be read.
-        """
+        """Attach the file of a custom module as it is now, once."""
         name, source = trust.attachment(key, path)
         if self._sources.get(name) != source:
             self._sources[name] = source

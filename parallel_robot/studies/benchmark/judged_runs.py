@@ -102,7 +102,7 @@ class TunedGains(NamedTuple):
     within: bool  # whether these gains keep to the effort
 
 
-def tuned_gains(
+def _tuned_gains(
     robot: Robot,
     law: str,
     protocol: Protocol,
@@ -113,18 +113,6 @@ def tuned_gains(
     """Search gains of a law for a robot, or go on in a search.
 
     The least error within the effort is taken; without one, the calmest trial.
-
-    Args:
-        robot: The robot.
-        law: Name of the law.
-        protocol: The protocol.
-        code: Keys of the configuration that name the files of laws.
-        directory: Where the trials are kept.
-        workers: Who runs them.
-
-    Raises:
-        InputError: the law has no gain to vary.
-        RunError: workers cannot run it, or the disk is full; finished trials are kept.
     """
     asked = protocol.search
     plan = search_plan(robot, protocol, law, code)
@@ -177,7 +165,7 @@ def search(
     """
     return {
         law: {
-            robot.name: tuned_gains(
+            robot.name: _tuned_gains(
                 robot, law, protocol, laws.code, store.searches / f'{law}_{robot.name}', workers()
             )
             for robot in protocol.robots

@@ -127,11 +127,7 @@ class Store(LockedDirectory):
             self.runs[RunKey(law, gains, sample)] = RunFigures(status, reason, *numbers)
 
     def _lines(self, name: str) -> list[Any]:
-        """Whole lines of a file, from which a last one that a kill cut is taken away.
-
-        Raises:
-            InputError: a line is not as it was written.
-        """
+        """Whole lines of a file, from which a last one that a kill cut is taken away."""
         path = self.directory / name
         stream: IO[bytes]
         with path.open('ab+') as stream:

@@ -168,12 +168,7 @@ class _Measured(NamedTuple):
 def _measured(
     bag: Path, log: RunLog, poses: Path | None, topic: str | None, thinned: bool
 ) -> _Measured:
-    """Poses of a file or of the bag; the first arguments as of :func:`calibrate`.
-
-    Raises:
-        BagError: its robot is not known, or the bag has no poses.
-        InputError: the file cannot be read, or its poses are not of this robot.
-    """
+    """Poses of a file or of the bag; the first arguments as of :func:`calibrate`."""
     if not is_known(log.config):
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, _ = nominal_of(log.config)
@@ -226,11 +221,7 @@ def _home(robot: RobotModel) -> Rotation | None:
 def _coordinates(
     robot: RobotModel, names: list[str], found: StampedPoses, home: Rotation | None
 ) -> tuple[tuple[int, ...], Array]:
-    """Numbers of the coordinates that poses of a bag tell of a robot, and these, shape (N, k).
-
-    Raises:
-        InputError: they tell none.
-    """
+    """Numbers of the coordinates that poses of a bag tell of a robot, and these, shape (N, k)."""
     told = dict(zip('xyz', found.place.T, strict=True))
     if robot.planar:
         told['phi'] = found.phi
@@ -248,11 +239,7 @@ def _coordinates(
 def _joined(
     near: NearStates, measured: MeasuredPoses, source: Path
 ) -> tuple[MeasuredPoses, list[str]]:
-    """Poses at which the joints are known, at most MOST, and what was not used, one line each.
-
-    Raises:
-        BagError: there are none.
-    """
+    """Poses at which the joints are known, at most MOST, and what was not used, one line each."""
     inside = near.around <= max(GAP, 5.5 * near.period)
     if not inside.any():
         first, last = measured.time[0], measured.time[-1]
@@ -321,10 +308,10 @@ def mode(options: Mapping[str, Any]) -> str:
     if options['bag'] is None:
         if options['scenario'] is None or options['design'] is None:
             raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
-        check_free(options['free'])
+        _check_free(options['free'])
         refuse(options, OF_BAG, '--design reads no bag: no {}')
         return DESIGN
-    check_free(options['free'])
+    _check_free(options['free'])
     if options['design'] is not None:
         raise InputError('--design reads no bag')
     refuse(options, ('seed',), '{} goes with --design alone')
@@ -333,12 +320,8 @@ def mode(options: Mapping[str, Any]) -> str:
     return BAG
 
 
-def check_free(free: Collection[str]) -> None:
-    """Refuse what cannot be free of a tracker.
-
-    Raises:
-        InputError: it is none of FREE.
-    """
+def _check_free(free: Collection[str]) -> None:
+    """Refuse what cannot be free of a tracker."""
     if isinstance(free, str):
         raise InputError(f'free must be a list of {", ".join(FREE)}, not {free!r}')
     for each in free:

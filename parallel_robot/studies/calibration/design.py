@@ -332,9 +332,6 @@ def _motion(
 
     Returns:
         Its keys, and the middle of the rest at each pose [s], shape (N,).
-
-    Raises:
-        InputError: the robot cannot perform it.
     """
     stops, wanted = [centre], []
     for pose in poses:

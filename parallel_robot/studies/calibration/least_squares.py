@@ -113,11 +113,7 @@ def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
 
 
 def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, Array, float]:
-    """Estimates, and the noise of the coordinates of each unit that is left by them.
-
-    Returns:
-        Both, and the degrees of freedom of the noise that is known worst.
-    """
+    """Estimates, and the noise of the coordinates of each unit that is left by them."""
     told = [k for k in range(len(model.start)) if k not in kept]
     values = model.start.copy()
     for _ in range(ITERATIONS):

@@ -120,11 +120,7 @@ def _keep(kept: SortedRows, rows: array[float], width: int) -> None:
 def _columns(
     path: Path, header: Sequence[str], coordinates: Sequence[str]
 ) -> tuple[str, list[str]]:
-    """Name of the column of times, and those of the coordinates that are there.
-
-    Raises:
-        InputError: one of both is missing, or a name stands there twice.
-    """
+    """Name of the column of times, and those of the coordinates that are there."""
     times = [name for name in (TIME, STAMP) if name in header]
     known = [name for name in coordinates if name in header]
     if len(times) != 1 or not known or any(header.count(name) > 1 for name in [*times, *known]):
@@ -135,11 +131,7 @@ def _columns(
 
 
 def _check_rotation(path: Path, columns: Sequence[str]) -> None:
-    """Refuse a part of a quaternion, and a quaternion beside a rotation vector.
-
-    Raises:
-        InputError: there is one.
-    """
+    """Refuse a part of a quaternion, and a quaternion beside a rotation vector."""
     parts = [name for name in columns if name in QUATERNION]
     other = [name for name in columns if name in TURNS]
     if parts and (len(parts) < len(QUATERNION) or other):
@@ -148,11 +140,7 @@ def _check_rotation(path: Path, columns: Sequence[str]) -> None:
 
 
 def _check_length(where: str, columns: Sequence[str], cells: Sequence[float]) -> None:
-    """Refuse a quaternion that is no rotation.
-
-    Raises:
-        InputError: its length is not 1.
-    """
+    """Refuse a quaternion that is no rotation."""
     parts = [cell for name, cell in zip(columns, cells, strict=True) if name in QUATERNION]
     if parts and abs(math.hypot(*parts) - 1.0) > LENGTH:
         raise InputError(
@@ -172,11 +160,7 @@ def _time(where: str, column: str, text: str, start: int) -> float:
 
 
 def _number(where: str, text: str) -> float:
-    """A finite number.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -382,10 +366,6 @@ def _decoded(bag: Path, topic: Topic, messages: Messages) -> tuple[np.ndarray, A
 
 
 def _numbers(raw: np.ndarray, place: np.ndarray, count: int, kind: str) -> np.ndarray:
-    """Numbers that stand in each row from a place on, shape (N, count).
-
-    Raises:
-        IndexError: a row ends before.
-    """
+    """Numbers that stand in each row from a place on, shape (N, count)."""
     columns = place[:, np.newaxis] + np.arange(count * np.dtype(kind).itemsize)
     return raw[np.arange(len(raw))[:, np.newaxis], columns].view(kind)

@@ -176,11 +176,7 @@ class _LookedThrough(NamedTuple):
 
 
 def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
-    """Look through a bag once.
-
-    Raises:
-        BagError: it is no bag of a run, or it holds no torques or no motion.
-    """
+    """Look through a bag once."""
     run = RunWindows(bag, view)
     config = run.log.config
     limit = np.array(group(config, PlantParameters, 'plant').torque_limit)

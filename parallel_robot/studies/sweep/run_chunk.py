@@ -126,11 +126,7 @@ def failed(error: Exception) -> Outcome:
 
 
 def _prepare(place: int, configuration: Configuration, controller: Control) -> Prepared:
-    """Put one run together.
-
-    Raises:
-        InputError: a value is wrong, or the robot cannot perform the motion.
-    """
+    """Put one run together."""
     loop, trajectory = configuration.loop, configuration.trajectory
     plant = assemble_plant(configuration.plant)
     reference = _reference(trajectory, loop.period, loop.last_index or 0)
@@ -139,12 +135,7 @@ def _prepare(place: int, configuration: Configuration, controller: Control) -> P
 
 
 def _measured(each: Prepared) -> Outcome:
-    """Do a run and measure it.
-
-    Raises:
-        KinematicsError: a state has no pose.
-        RunError: the robot left its workspace.
-    """
+    """Do a run and measure it."""
     _, configuration, experiment, reference = each
     loop = configuration.loop
     last = loop.last_index or 0

@@ -115,13 +115,8 @@ def table(schema: Any, rows: Iterable[tuple[Row, Outcome]], units: JointUnits = 
     return arrow().Table.from_pylist(entries, schema=schema)
 
 
-def with_floors(rows: Arrow, plan: Plan) -> Arrow:
-    """Whole samples, each row with the limit of the first law of its scenario.
-
-    Args:
-        rows: The rows of some samples, all of them, sorted by number.
-        plan: The plan.
-    """
+def _with_floors(rows: Arrow, plan: Plan) -> Arrow:
+    """Whole samples, each row with the limit of the first law of its scenario."""
     numbers = rows['row'].to_numpy()
     leaders = np.array([plan.leader(case) for case in range(len(plan.cases))])
     cases = numbers % len(leaders)
@@ -247,7 +242,7 @@ class Store(LockedDirectory):
                 )
                 _, first = np.unique(rows['row'].to_numpy(), return_index=True)
                 ordered = rows.take(first).combine_chunks()
-                writer.write_table(with_floors(ordered, self._plan).combine_chunks())
+                writer.write_table(_with_floors(ordered, self._plan).combine_chunks())
 
     def _open(self) -> None:
         if not self.new:

@@ -26,13 +26,8 @@ from parallel_robot_model.configuration.plain_data import Place, Placed, locatin
 GROUPS = ('set', 'uncertainty')  # are merged key by key; a key is in one of them
 
 
-def merged_with_base(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
-    """What a study says with what its base says; whatever is malformed is left to be refused.
-
-    Args:
-        base: Content of the base.
-        own: Content of the study, whose keys win.
-    """
+def _merged_with_base(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """What a study says with what its base says; whatever is malformed is left to be refused."""
     found = {**base, **own}
     below, above = ({key: _keys(each, key) for key in GROUPS} for each in (base, own))
     said = {key for group in above.values() for key in group}
@@ -41,17 +36,12 @@ def merged_with_base(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[st
             kept = {name: value for name, value in below[key].items() if name not in said}
             found[key] = kept | above[key]
     if isinstance(own.get('laws'), list):
-        found['laws'] = chosen_laws(base.get('laws'), own['laws'])
+        found['laws'] = _chosen_laws(base.get('laws'), own['laws'])
     return found
 
 
-def chosen_laws(known: Any, names: Sequence[Any]) -> Any:
-    """Laws of a study by name.
-
-    Args:
-        known: Laws of the study, a list of names or names with gains.
-        names: A name of these keeps its gains; another is that of a law.
-    """
+def _chosen_laws(known: Any, names: Sequence[Any]) -> Any:
+    """Laws of a study by name."""
     if not isinstance(known, dict) or len({*map(str, names)}) < len(names):
         return [*names]
     return {name: known.get(name, {}) for name in names}
@@ -209,7 +199,7 @@ def parse(
     """
     content, places, whole = _loaded(text, name, folder, ())
     if laws is not None:
-        content['laws'] = chosen_laws(content.get('laws'), laws)
+        content['laws'] = _chosen_laws(content.get('laws'), laws)
         places = {key: place for key, place in places.items() if key.partition('.')[0] != 'laws'}
     with locating(Placed({}, places), name):
         found = _study(content, folder)
@@ -221,14 +211,7 @@ def parse(
 def _loaded(
     text: str, name: str, folder: Path | None, way: tuple[Path, ...]
 ) -> tuple[dict[str, Any], dict[str, Place], bool]:
-    """Content of a study with that of its bases, its places, and whether it has no base.
-
-    Args:
-        text: Content of the file.
-        name: Name of the file, for messages.
-        folder: Directory of the file.
-        way: The bases that led there.
-    """
+    """Content of a study with that of its bases, its places, and whether it has no base."""
     try:
         content = plain_data.load(text)
     except plain_data.NotFiniteError as error:
@@ -252,7 +235,7 @@ def _loaded(
     scenarios = known.get('scenarios')
     if isinstance(scenarios, list) and all(isinstance(each, str) for each in scenarios):
         known['scenarios'] = [absolute_scenario(each, file.parent) for each in scenarios]
-    return merged_with_base(known, content), places_with_base(far, places, content), False
+    return _merged_with_base(known, content), places_with_base(far, places, content), False
 
 
 def _study(content: dict[str, Any], folder: Path | None) -> Study:
@@ -354,11 +337,7 @@ def _fixed(where: str, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _check_free(where: str, key: str) -> None:
-    """Refuse a key that a study cannot change.
-
-    Raises:
-        InputError: it is one of them.
-    """
+    """Refuse a key that a study cannot change."""
     if key in config.CUSTOM:
         raise InputError(
             f'{where}: {key} is given on the command line alone: it is code', f'{where}.{key}'

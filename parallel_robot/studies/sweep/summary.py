@@ -148,12 +148,7 @@ def _notes(plan: Plan, results: Results) -> list[str]:
 def _tables(
     result: ScenarioResult, written: Callable[[str], str] = str
 ) -> list[tuple[str, Table]]:
-    """Title and table of each table of a scenario.
-
-    Args:
-        result: Results of the scenario.
-        written: Returns how a law is written.
-    """
+    """Title and table of each table of a scenario."""
     accuracy = len(result.quantities) - result.efforts
     first = [['law', 'ok', *map(_heading, result.quantities[:accuracy])]]
     efforts = [['law', *map(_heading, result.quantities[accuracy:])]]

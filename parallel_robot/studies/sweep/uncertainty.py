@@ -66,11 +66,7 @@ def _parsed(name: str, key: str, entry: Any) -> Uncertainty:
 
 
 def _checked(name: str, distribution: str, given: dict[str, Any]) -> dict[str, Any]:
-    """What a distribution is given by, converted and checked.
-
-    Raises:
-        InputError: a value is wrong.
-    """
+    """What a distribution is given by, converted and checked."""
     found: dict[str, Any] = {}
     for word, value in given.items():
         where = f'{name}: {word}'

@@ -174,11 +174,7 @@ class Processes:
                     worker.pipe.send(worker.task)
 
     def _replace(self, worker: _Worker) -> None:
-        """Start another process in place of a lost one.
-
-        Raises:
-            RunError: it ended before it was ready, so another would, too.
-        """
+        """Start another process in place of a lost one."""
         worker.process.wait()
         worker.pipe.close()
         with worker.log as log:
@@ -286,11 +282,7 @@ class Cluster:
                 raise RunError(f'the scheduler {self._address} is gone; finished rows are kept')
 
     def _result(self, future: Any) -> list[Outcome] | None:
-        """Outcomes of a task that ended; None when it cost several workers.
-
-        Raises:
-            RunError: the scheduler is gone, or workers cannot run the task.
-        """
+        """Outcomes of a task that ended; None when it cost several workers."""
         task = self._tasks.pop(future)
         error = future.exception() if future.status == 'error' else None
         if isinstance(error, self._distributed.KilledWorker):

@@ -31,21 +31,10 @@ SIZE = (6.0, 4.2)  # inches
 SUFFIXES = ('svg', 'png')
 
 
-def draw_front(
+def _draw_front(
     title: str, trials: Sequence[Trial], points: Sequence[Trial], chosen: Trial, tuning: Tuning
 ) -> dict[str, bytes]:
-    """Draw error against effort: all trials, the front, the default gains and those chosen.
-
-    Args:
-        title: What was tuned.
-        trials: All trials; the first is that of the default gains.
-        points: The front.
-        chosen: The trial whose gains are taken.
-        tuning: Tells what error and effort are.
-
-    Returns:
-        Suffix to content.
-    """
+    """Draw error against effort: all trials, the front, the default gains and those chosen."""
     error, effort = tuning.error, tuning.effort.quantity
     figure, panel = new_figure(SIZE)
 
@@ -64,21 +53,10 @@ def draw_front(
     return saved_figure(figure)
 
 
-def draw_convergence(
+def _draw_convergence(
     title: str, trials: Sequence[Trial], best: Sequence[float], verdict: Verdict, tuning: Tuning
 ) -> dict[str, bytes]:
-    """Draw the best figure after each trial.
-
-    Args:
-        title: What was tuned.
-        trials: All trials.
-        best: The best figure after each, see :meth:`Tuning.best`.
-        verdict: Whether the search has converged.
-        tuning: Tells what the figure is.
-
-    Returns:
-        Suffix to content.
-    """
+    """Draw the best figure after each trial."""
     scale = tuning.error.scale if tuning.weights is None else 1.0
     figure, panel = new_figure(SIZE)
     each = scale * np.array([tuning.figure(trial, trials[0]) for trial in trials])
@@ -161,8 +139,8 @@ def write(tuning: Tuning, store: Store, fields: Mapping[str, Field], result: Res
     ros = ['/**:', f'  {MARK}:', *(f'    {line}' for line in [f'law: {text_of(law)}', *gains])]
     title = f'{law_label(law)}, {tuning.nominal["scenario"]}'
     best = tuning.best(result.trials)
-    fronts = draw_front(title, result.trials, result.points, result.chosen, tuning)
-    curves = draw_convergence(title, result.trials, best, result.verdict, tuning)
+    fronts = _draw_front(title, result.trials, result.points, result.chosen, tuning)
+    curves = _draw_convergence(title, result.trials, best, result.verdict, tuning)
     contents = {
         'front.csv': table(tuning, result).encode(),
         **{f'front.{suffix}': content for suffix, content in fronts.items()},

@@ -273,11 +273,7 @@ def members() -> dict[str, Parameter]:
 
 
 def _asked(search: Sequence[str]) -> list[str]:
-    """The keys that words of ``--search`` name; a group stands for all of its parameters.
-
-    Raises:
-        UnknownNameError: there is no such parameter.
-    """
+    """The keys that words of ``--search`` name; a group stands for all of its parameters."""
     found, known = [], members()
     for word in search:
         keys = [key for key in known if word in (key, key.partition('.')[0])]
@@ -288,13 +284,7 @@ def _asked(search: Sequence[str]) -> list[str]:
 
 
 def _natural(parameter: Parameter, default: Any, zero: bool) -> Range | Choice | None:
-    """Where a gain is varied unless somebody says otherwise; None: nowhere.
-
-    Args:
-        parameter: The gain.
-        default: Its default.
-        zero: Whether it may be 0.
-    """
+    """Where a gain is varied unless somebody says otherwise; None: nowhere."""
     kind, field = parameter.type, parameter.field
     if get_origin(kind) is Literal:
         return Choice(get_args(kind))

@@ -92,11 +92,7 @@ class Store(LockedDirectory):
         self._load()
 
     def _check(self) -> None:
-        """Refuse to mix trials that depend on different things.
-
-        Raises:
-            InputError: the tuning in the directory is another one.
-        """
+        """Refuse to mix trials that depend on different things."""
         found = self.manifest(self.directory)
         for key, value in self._identity.items():
             if found.get(key) != value:

@@ -245,11 +245,7 @@ def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) 
 
 
 def _check_default(tuning: Tuning, store: Store) -> None:
-    """Refuse weights when the default gains have no figures.
-
-    Raises:
-        RunError: they are infeasible.
-    """
+    """Refuse weights when the default gains have no figures."""
     default = store.trials.get(0)
     if tuning.weights is not None and default is not None and not default.feasible:
         raise RunError(

@@ -132,12 +132,8 @@ def _doubts(source: str, body: Body) -> list[str]:
     return doubts
 
 
-def check_felt(source: str, parts: Assembly, freedoms: Freedoms, inertia: Inertia) -> None:
-    """Refuse a machine with a motion that nothing with a mass takes part in.
-
-    Raises:
-        InputError: the inertia matrix is not positive definite.
-    """
+def _check_felt(source: str, parts: Assembly, freedoms: Freedoms, inertia: Inertia) -> None:
+    """Refuse a machine with a motion that nothing with a mass takes part in."""
     matrix = felt(parts, freedoms, inertia)
     own = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scaled = matrix / np.outer(own, own) if own.all() else np.diag(own)
@@ -249,7 +245,7 @@ def machine(
     exact = polished(parts, freedoms.rows, freedoms.passive)
     parts = parts._replace(home=exact, tool=found)
     inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
-    check_felt(description.source, parts, freedoms, inertia)
+    _check_felt(description.source, parts, freedoms, inertia)
     chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
     joints = [links[i].joint for i in freedoms.actuated]

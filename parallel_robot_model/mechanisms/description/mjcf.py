@@ -116,17 +116,8 @@ def _prune(node: Node, copies: int, doubts: list[str]) -> None:
 # MuJoCo's compiler: MJCF made a model without files.
 
 
-def specified(text: str, source: str, merged: bool) -> Any:
-    """The specification of a model, with no shapes but those that inertias need.
-
-    Args:
-        text: MJCF that was prepared by `mjcf_text`.
-        source: What the file is called in messages.
-        merged: Whether its lines are those of no file.
-
-    Raises:
-        InputError: MuJoCo is not installed, does not take the text, or needs a mesh.
-    """
+def _specified(text: str, source: str, merged: bool) -> Any:
+    """The specification of a model, with no shapes but those that inertias need."""
     mujoco = optional('mujoco')
     with _naming(source, merged):
         spec = mujoco.MjSpec.from_string(text)
@@ -270,7 +261,7 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
         InputError: MuJoCo is not installed or does not take the file.
     """
     doubts = prepare(root)
-    return specified(robot_file.write_xml(root, merged), source, merged), doubts
+    return _specified(robot_file.write_xml(root, merged), source, merged), doubts
 
 
 class _Reading:

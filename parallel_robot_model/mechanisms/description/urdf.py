@@ -54,12 +54,8 @@ CLOSURE_KINDS = {
 ENDS = {'constraint': ('parent', 'child'), 'loop': ('predecessor', 'successor')}
 
 
-def kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[Joint, ...]]:
-    """The joints that are of another kind than URDF can say.
-
-    Raises:
-        InputError: a joint or a kind is unknown.
-    """
+def _kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[Joint, ...]]:
+    """The joints that are of another kind than URDF can say."""
     found: dict[str, tuple[Joint, ...]] = {}
     for node in children(robot, 'joint_type'):
         name, kind = attribute(node, 'joint'), attribute(node, 'type').upper()
@@ -82,12 +78,8 @@ def kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[J
     return found
 
 
-def closing_edges(robot: Node, links: Collection[str]) -> list[Edge]:
-    """The joints that close loops.
-
-    Raises:
-        InputError: a link or a kind is unknown.
-    """
+def _closing_edges(robot: Node, links: Collection[str]) -> list[Edge]:
+    """The joints that close loops."""
     return [_closing_edge(node, links) for tag in ENDS for node in children(robot, tag)]
 
 
@@ -118,12 +110,8 @@ def _steps(node: Node) -> tuple[Joint, ...]:
     return (Joint('', WORLD, CLOSURE_KINDS[kind], axes[0]),)
 
 
-def closing_frames(robot: Node, frames: Mapping[str, Frame]) -> list[Loop]:
-    """The pairs of frames that coincide.
-
-    Raises:
-        InputError: a frame or a kind is unknown.
-    """
+def _closing_frames(robot: Node, frames: Mapping[str, Frame]) -> list[Loop]:
+    """The pairs of frames that coincide."""
     found = []
     for node in children(robot, 'closed_loop'):
         names = attribute(node, 'first'), attribute(node, 'second')
@@ -197,9 +185,9 @@ def read(robot: Node, source: str) -> Description:
     """
     links = {name: _link(node) for name, node in unique(children(robot, 'link')).items()}
     joints = unique(children(robot, 'joint'))
-    kinds = kinds_beyond_urdf(robot, joints)
+    kinds = _kinds_beyond_urdf(robot, joints)
     edges = [_edge(node, links, kinds.get(name)) for name, node in joints.items()]
-    edges += closing_edges(robot, links)
+    edges += _closing_edges(robot, links)
     actuators = _actuators(robot, joints)
     carried = {edge.child for edge in edges if edge.node.tag == 'joint'}
     roots = [name for name in links if name not in carried]
@@ -212,7 +200,7 @@ def read(robot: Node, source: str) -> Description:
         source=source,
         bodies=tuple(graph.bodies),
         joints=tuple(graph.joints),
-        loops=(*graph.loops, *closing_frames(robot, ends)),
+        loops=(*graph.loops, *_closing_frames(robot, ends)),
         couplings=(*_mimics(joints), *couplings(robot, edges)),
         actuators=tuple(actuators),
         frames=frames,
@@ -294,11 +282,7 @@ def _mimics(joints: dict[str, Node]) -> list[Coupling]:
 
 
 def _actuators(robot: Node, joints: dict[str, Node]) -> list[Actuator]:
-    """What drives joints: name_mot, else command interfaces and transmissions, else independent.
-
-    Raises:
-        InputError: one names a joint that does not exist.
-    """
+    """What drives joints: name_mot, command interfaces and transmissions, or `independent`."""
     named = [(node, attribute(node, 'joint')) for node in children(robot, 'name_mot')]
     if not named:
         named = [

@@ -82,9 +82,6 @@ def _newton(
         arm_x: x of the arms there, see :func:`arms`, shape (3,).
         arm_y: y of the same.
 
-    Returns:
-        The pose, its arms, and det J / l3 there; 0 when the iteration does not converge.
-
     Source:
         Ortega (1968), The Newton-Kantorovich theorem, Amer. Math. Monthly 75(6).
     """
