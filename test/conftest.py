@@ -33,10 +33,10 @@ PROCESSES = (  # tests that start processes
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
     *('joins', 'kernel_cache', 'life_cycle', 'mechanism_bits'),
     *('limit', 'live_page', 'lockstep', 'monitor_node', 'mujoco_engine', 'node_parameters'),
-    *('nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging', 'player_node'),
+    *('motion_change', 'nodes', 'notebook', 'numba_settings', 'own_scenarios', 'packaging'),
     *('processes', 'python', 'realtime', 'recorded_motions', 'recorder', 'recorder_node'),
     *('rehearse', 'replay', 'report', 'rerun', 'ros2_control', 'run', 'run_log', 'safety_nodes'),
-    *('show', 'start'),
+    *('player_node', 'show', 'space_views', 'start'),
     *('state_period', 'study', 'sweep', 'sweep_losses', 'top', 'top_nodes', 'trust', 'tune'),
 )
 LONG = (  # tests that take as long as all others without processes together
