@@ -251,9 +251,9 @@ def test_a_sweep_has_the_runs_of_the_same_law_in_python(tmp_path):
 WAITS = """
 import sys
 from parallel_robot_control.foreign.channel import Channel
-from parallel_robot_control.foreign.process import WORD, question
+from parallel_robot_control.foreign.process import WORD, question_length
 channel = Channel(sys.argv[1], {}, 3)
-channel._socket.send(bytes(WORD * question(3)))
+channel._socket.send(bytes(WORD * question_length(3)))
 print(channel._process.pid, channel._folder.name, flush=True)
 sys.stdin.read()
 """
