@@ -62,7 +62,9 @@ OWN = {
     r'(?<=["#])[pm][0-9a-f]{10}(?=[")])': 'ID',  # random names of clips and markers in pictures
     r'("worker_id":)"[0-9a-f-]+"': r'\1"ID"',  # who searches, and when, in the journal of tune
     r'("datetime_(start|complete)":)"[^"]*"': r'\1"TIME"',
+    r'\b\d+\.\d+\.\d+ [0-9a-f]{16}(?=, numba )': 'VERSION',  # a hash of the sources
 }
+OF_NODE = re.compile(r' +"/\w+": ')  # a line of JSON that comes when its node is heard
 # Native code in FMUs is not compared: it has names of modules and counters of types in it, that of
 # a plant also five bytes of its process. What it computes is compared: fmpy runs it.
 NATIVE = ('.so', '.o')
@@ -203,8 +205,8 @@ def parts(path: Path, data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
     elif path.suffix == '.parquet':
         table = pyarrow.parquet.read_table(io.BytesIO(data))
         yield 'columns', str(table.schema)
-        text = table.to_pandas().to_csv(index=False).splitlines()
-        yield from ((f'row {row}', line) for row, line in enumerate(text))
+        rows = table.to_pandas().to_csv(index=False).splitlines()
+        yield from ((f'row {row}', line) for row, line in enumerate(rows))
     elif path.suffix == '.fmu':
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             for name in sorted(packed.namelist()):
@@ -213,7 +215,11 @@ def parts(path: Path, data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
     elif b'\0' in data:
         yield 'bytes', data.replace(bytes(folder), b'<side>').hex(' ')
     else:
-        lines = plain(data, folder).splitlines()
+        lines: list[str] = []
+        text = plain(data, folder).splitlines()
+        for of_nodes, those in itertools.groupby(text, lambda line: bool(OF_NODE.match(line))):
+            part = list(those)
+            lines += sorted(line.rstrip(',') for line in part) if of_nodes else part
         yield from ((f'line {line}', content) for line, content in enumerate(lines, 1))
 
 
