@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import numpy as np
 import pytest
-from bags import content, streams, write_foreign
+from bags import JOINTS, MS, START, STORE, content, streams, write_foreign
 
 import parallel_robot as pr
 from parallel_robot.bags.run import recording
@@ -57,6 +57,29 @@ def test_without_efforts_or_commands_there_is_no_torque(tmp_path, capsys):
     assert main(['identify', str(tmp_path / 'bag')]) == 2
     error = capsys.readouterr().err
     assert 'effort' in error and error.count('\n') == 1
+
+
+@pytest.mark.parametrize(
+    ('field', 'told'), [('velocity', 'velocity'), ('effort', 'effort'), (None, 'names')]
+)
+@pytest.mark.parametrize('command', ['analyze', 'export', 'identify', 'report'])
+def test_states_without_positions_cost_one_line(tmp_path, capsys, command, field, told):
+    none, way = np.zeros(0), np.sin(0.01 * np.arange(200))
+    state = STORE.types['sensor_msgs/msg/JointState']
+    head, time = map(STORE.types.get, ('std_msgs/msg/Header', 'builtin_interfaces/msg/Time'))
+    found = []
+    for k, angle in enumerate(way):
+        numbers = {'position': none, 'velocity': none, 'effort': none}
+        numbers |= {field: np.full(3, angle)} if field else {}
+        message = state(head(time(5, k * MS), ''), list(JOINTS), **numbers)
+        found.append((START + k * MS, STORE.serialize_cdr(message, state.__msgtype__)))
+    write_foreign(tmp_path / 'bag', {JOINT_STATES: found})
+    out = [] if command in ('analyze', 'identify') else ['--out', str(tmp_path / 'out.csv')]
+    assert main([command, str(tmp_path / 'bag'), *out]) == 2
+    output, error = capsys.readouterr()
+    told = 'no messages on reference' if command == 'report' else f'have {told} alone, no position'
+    assert told in error and error.count('\n') == 1 and not output
+    assert not (tmp_path / 'out.csv').exists()
 
 
 def test_what_needs_a_reference_says_so(bags):

@@ -165,6 +165,11 @@ def whole(bag: Path, topic: Topic, parts: list[Samples], joints: tuple[str, ...]
         or all(_measured(part, field, joints) for part in parts)
     )
     if not all({*fields} <= {*part.numbers} for part in parts):
+        lacking = [name for name in fields if not any(name in part.numbers for part in parts)]
+        if lacking:
+            having = ' and '.join(sorted({name for part in parts for name in part.numbers}))
+            what = f'have {having or "names"} alone, no {" and no ".join(lacking)}'
+            raise BagError(f'{bag}: messages on {topic.name} {what}')
         raise BagError(f'{bag}: not all messages on {topic.name} have {", ".join(fields)}')
     if topic == topics.COMMANDS:
         widths = {part.numbers['data'].shape[1] for part in parts} - {len(joints)}

@@ -76,7 +76,8 @@ def without_absent_topics(log: RunLog, absent: Collection[Topic]) -> RunLog:
 
 def _instead(topic: Topic, states: Samples, size: int) -> Samples:
     """Samples as if each state had one of a topic, for so many joints."""
-    position = states.numbers['position']
+    none = np.zeros((len(states.stamps), len(states.joints)))
+    position = states.numbers.get('position', none)  # states without one are told of later
     if topic == REFERENCE:
         zero = np.zeros_like(position)
         numbers = {'position': position, 'velocity': zero, 'acceleration': zero}
