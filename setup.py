@@ -1,12 +1,16 @@
 """Installation, for pip and for colcon. Name, version and people are those of package.xml."""
 
+import contextlib
+import subprocess
 from glob import glob
 from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import setup
+from setuptools.command.build_py import build_py
 
-PACKAGE = ElementTree.parse(Path(__file__).with_name('package.xml')).getroot()
+ROOT = Path(__file__).resolve().parent
+PACKAGE = ElementTree.parse(ROOT / 'package.xml').getroot()
 NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 DOCS = ['mkdocs-material>=9.6,<10', 'mkdocstrings[python]>=0.30,<2']
@@ -22,6 +26,21 @@ FOXGLOVE = ['foxglove-sdk>=0.30,<0.31']
 TOP = ['rich>=14.2,<16', 'textual>=6,<9']
 ALL = [*EXPORT, *MUJOCO, *TUNE, *LIVE, *VIDEO, *FOXGLOVE, *FMU, *TOP]
 SOURCE = ['setuptools>=70.1']  # installs changed sources without the network
+
+
+class BuildWithRevision(build_py):
+    """Notes what git calls this tree: `--version` and bags of what is installed tell it."""
+
+    def run(self):
+        """Build, and note it."""
+        super().run()
+        if not (ROOT / '.git').exists() or getattr(self, 'editable_mode', False):
+            return
+        words = 'git', 'describe', '--always', '--dirty'
+        with contextlib.suppress(OSError, subprocess.SubprocessError):
+            revision = subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout
+            Path(self.build_lib, NAME, 'REVISION').write_bytes(revision)
+
 
 setup(
     name=NAME,
@@ -105,6 +124,7 @@ setup(
         (f'lib/{NAME}', glob('scripts/*')),
     ],
     entry_points={'console_scripts': [f'{NAME} = parallel_robot.__main__:main']},
+    cmdclass={'build_py': BuildWithRevision},
     zip_safe=True,
     python_requires='>=3.10,<3.14',
     install_requires=[

@@ -29,8 +29,11 @@ def test_a_bag_says_what_made_it(tmp_path):
     assert facts['command_line'] == experiment.command_line()
 
 
-def test_the_revision_is_that_of_a_working_copy_only(tmp_path, monkeypatch):
+def test_the_revision_is_that_of_a_working_copy_or_of_what_was_built_of_one(tmp_path, monkeypatch):
     assert experiment._revision(tmp_path) == ''
+    (tmp_path / 'parallel_robot').mkdir()
+    (tmp_path / 'parallel_robot' / 'REVISION').write_text('4e30a7a7-dirty\n')
+    assert experiment._revision(tmp_path) == '4e30a7a7-dirty'
     (tmp_path / '.git').mkdir()
     assert experiment._revision(tmp_path) == ''  # not a working copy after all
     monkeypatch.setenv('PATH', '')

@@ -70,6 +70,9 @@ def setup():
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
         patch.setitem(sys.modules, 'setuptools', SimpleNamespace(setup=captured.update))
+        patch.setitem(sys.modules, 'setuptools.command', SimpleNamespace())
+        build = SimpleNamespace(build_py=object)
+        patch.setitem(sys.modules, 'setuptools.command.build_py', build)
         runpy.run_path('setup.py')
     return captured
 
@@ -103,6 +106,25 @@ def test_templates_are_installed(setup):
     for package, patterns in setup['package_data'].items():
         assert all(list((ROOT / package.replace('.', '/')).glob(pattern)) for pattern in patterns)
     assert setup['package_data']['parallel_robot.analysis.report'] == ['templates/*']
+
+
+def test_what_is_installed_knows_its_revision(tmp_path):
+    pytest.importorskip('setuptools')
+    words = ['setup.py', '--quiet', 'build_py', '--build-lib', str(tmp_path)]
+    subprocess.run([sys.executable, *words], cwd=ROOT, check=True, capture_output=True)
+    words = ['-m', 'parallel_robot', '--version']
+    told = [
+        subprocess.run(
+            [sys.executable, *words],
+            cwd=tmp_path,
+            env={**environment(), 'PYTHONPATH': str(place)},
+            capture_output=True,
+            text=True,
+        ).stdout
+        for place in (ROOT, tmp_path)
+    ]
+    assert told[0] == told[1] and told[0].startswith('parallel_robot ')
+    assert ('revision' in told[0]) == (ROOT / '.git').exists()
 
 
 def test_there_is_one_command(setup):

@@ -272,10 +272,10 @@ def _version(name: str) -> str:
 
 
 def _revision(root: Path) -> str:
-    """Description of a source tree by git; empty if it is not a working copy."""
-    if not (root / '.git').exists():
-        return ''
+    """Description of a source tree by git, or of what is installed by that which built it."""
     try:
+        if not (root / '.git').exists():
+            return (root / 'parallel_robot' / 'REVISION').read_text().strip()
         done = subprocess.run(
             GIT, cwd=root, capture_output=True, text=True, timeout=GIT_PATIENCE, check=True
         )
