@@ -92,6 +92,15 @@ def test_loop_of_both_gives_the_bits_of_simulate_and_rests_at_its_end(tmp_path):
     assert not np.any(unit.row('reference.velocity'))
 
 
+def test_loop_without_a_duration_is_as_long_as_the_run_of_simulate(tmp_path):
+    unit = Unit(made(tmp_path, 'loop', 'paper_line'))
+    run = simulate('paper_line')
+    for _ in run.time:
+        unit.step()
+    np.testing.assert_array_equal(unit.row('torque'), run.command[-1])
+    assert np.any(unit.row('torque') != run.command[-2])
+
+
 def test_library_needs_no_more_than_c(law, plant):
     for folder in (law, plant):
         check_symbols(str(library(folder)))

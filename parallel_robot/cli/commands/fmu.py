@@ -23,6 +23,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.plain_data import locating, merged
 from parallel_robot_sim.configuration import Configuration, configure
+from trajectory_gen.configuration import with_duration
 
 SCENARIO = 'paper_circle'
 STEPS = 1000  # of the default experiment; for more, fmpy takes longer ones unless it is told
@@ -73,7 +74,10 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError(
             f'--scenario is for a law; the {arguments.kind} is that of {arguments.name}'
         )
-    values = resolve(scenario_of(scenario), changed)
+    scenario = scenario_of(scenario)
+    if arguments.kind == 'loop':
+        changed = with_duration(scenario, changed)
+    values = resolve(scenario, changed)
     begun = time.monotonic()
     with locating(values):
         configuration = configure(values)
