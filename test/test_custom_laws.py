@@ -1,5 +1,6 @@
 """Custom laws: one file, found everywhere; a wrong one costs one line."""
 
+import json
 import re
 import signal
 
@@ -70,6 +71,20 @@ def test_it_is_compared_and_simulated_like_the_others(mine, tmp_path, capsys, mo
         main(['simulate', 'paper_circle', *own, '--law', 'mine', '--out', str(tmp_path / 'bag')])
         == 0
     )
+
+
+def test_compare_takes_its_gains_as_simulate_does(mine, tmp_path, capsys):
+    gains = tmp_path / 'tuned.yaml'
+    gains.write_text('mine: {Kp: 700.0}\n')
+    words = ['paper_circle', '--duration', '1', '--param-file', str(gains)]
+    assert main(['compare', *words, '--laws', str(mine), 'pid', '--format', 'json']) == 0
+    compared = json.loads(capsys.readouterr().out)['laws']['mine']
+    out = str(tmp_path / 'bag')
+    assert main(['simulate', *words, '--law', str(mine), '--out', out, '--format', 'json']) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert compared['steady']['xy_rms_m'] == alone['steady']['xy_rms_m']
+    assert main(['compare', *words, '--laws', 'pid']) == 2
+    assert 'mine.Kp' in capsys.readouterr().err
 
 
 def test_python_takes_it_by_its_file_wherever_a_law_is_named(mine, tmp_path):

@@ -56,7 +56,6 @@ def execute(arguments: argparse.Namespace) -> int:
     if 'law' in yaml_file.parse_assignments(arguments.assignments):
         raise InputError('--set law: compare has all laws, or those of --laws')
     overrides = simulate.overrides(arguments)
-    overrides |= law_loader.files_of(arguments.laws or (), overrides)
     values = resolve(arguments.scenario, overrides)
     scenario, known = str(values['scenario']), available(values['custom_laws'])
     laws = [law_loader.name_of(law) for law in arguments.laws or known]

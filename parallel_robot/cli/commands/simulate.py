@@ -162,6 +162,7 @@ def overrides(arguments: argparse.Namespace) -> Placed:
         if key in options and options[key] != value:
             raise InputError(f'--{key} {options[key]} and --set {key}={value} differ; give one')
     changed = merged([given(arguments), options, of_law])
+    changed |= law_loader.files_of(getattr(arguments, 'laws', None) or (), changed)
     share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
     if share is not None:
         changed = _fitted(scenario, changed, share)
