@@ -1,5 +1,8 @@
 """Descriptions in MJCF, URDF and SDF, read: against MuJoCo, and refused in one line."""
 
+import re
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +10,7 @@ from machine_files import ARM, INERTIAL, five_bar, joint, link, mjcf, urdf
 from reading import Evaluated, InMujoco, made
 
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.mechanisms.description.machine import read
 
 BALL = ['ball.x', 'ball.y', 'ball.z']
@@ -158,6 +162,22 @@ def test_every_way_to_close_a_loop_of_urdf_makes_the_same_five_bar(closing):
     found, expected = Evaluated(bar, q, velocity), Evaluated(made(reference), q, velocity)
     np.testing.assert_allclose(found.M, expected.M, rtol=1e-10)
     np.testing.assert_allclose(found.force, expected.force, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize('kind', ['xml', 'yaml'])
+def test_the_ways_of_the_page_make_it_too(tmp_path, kind):
+    page = (Path(__file__).parents[1] / 'docs' / 'machines.md').read_text()
+    [example] = re.findall(rf'```{kind}\n(.*?)```', page, re.DOTALL)[:1]
+    file = tmp_path / 'my_robot.urdf'
+    if kind == 'yaml':
+        file.with_suffix('.yaml').write_text(example)
+    closing = example if kind == 'xml' else ''
+    file.write_text(urdf_five_bar(closing, ENDS + (MOTORS if closing else '')))
+    bar = made(robot_file.text_of(file))
+    assert bar.actuated == ('left', 'right') and len(bar.mechanism.closure) == 2
+    reference = made(urdf_five_bar(CLOSINGS['closed_loop 3d'], MOTORS))
+    found, expected = (Evaluated(each, (0.1, -0.2), (0.5, 0.8)) for each in (bar, reference))
+    np.testing.assert_allclose(found.M, expected.M, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
