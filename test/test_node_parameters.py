@@ -256,6 +256,7 @@ def test_a_switch_during_a_run_is_in_its_bag(launch, domain, peer, tmp_path):
     process = launch('parallel_robot.cli.command_line', 'run', 'paper_circle', *words)
     commands = peer.listen(topics.COMMANDS)
     peer.until(lambda: commands or not process.running)
+    assert process.running, process.stderr
     message = Parameter('law', value='smc').to_parameter_msg()
     request = SetParameters.Request(parameters=[message])
     with process.children()[MODULES['plant']].paused():  # else the run may end before
