@@ -272,7 +272,7 @@ def _open(
             dt = (stamp - before) / NANOSECONDS
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             torque, joins = applied, True
-        if joins:  # see transitions.joining
+        if joins:  # see controller_state.joining
             excess, takes_over, begins = np.zeros_like(row), True, BACK
         numbers[WAITS] = overdue
         numbers[LAST] = stamp

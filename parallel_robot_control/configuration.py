@@ -60,7 +60,7 @@ class ControlConfiguration(NamedTuple):
     loop: LoopParameters  # period, joints, active law and the like
     robot: RobotModel  # nominal robot
     safety: SafetyParameters  # limits and the safe action
-    margins: Any  # safetyMargins of the robot
+    margins: Any  # SafetyMargins of the robot
     guess: tuple[float, ...]  # pose from which the first forward kinematics starts, m numbers
     stopped: bool  # whether the controller begins in emergency stop
     lifecycle: bool  # whether its node is a managed one

@@ -172,7 +172,7 @@ class ControllerState:
 
     @property
     def fault(self) -> int:
-        """NONE or the number of the present fault, see mechanism.py."""
+        """NONE or the number of the present fault, see faults.py."""
         return int(self._fault_of(self._common)[0])
 
     @property

@@ -46,11 +46,10 @@ class CycleState(NamedTuple):
     last: Last  # what the cycle saw and did
     excess: Array  # torque of the law that the limits cut off [N m], shape (n,)
     held: Array  # joint angles at the moment of the fault [rad], shape (n,)
-    fault: int  # NONE or the number of the fault, see mechanism.py; it is latched
+    fault: int  # NONE or the number of the fault, see faults.py; it is latched
     estimated: Estimated  # estimates of filter and differentiator; not used without one
     begins: int  # what the next cycle begins: GOES_ON, START or BACK
-    # whether the pose may be that of another assembly mode, see assembly_mode.py; it is
-    # latched
+    # whether the pose may be that of another assembly mode, see assembly_mode.py; it is latched
     lost: bool
 
 

@@ -123,7 +123,7 @@ class LawCore:
             common: See :func:`common`.
             wire: Layout of the state messages, see Wire.
         """
-        self.law, self._setup, self._common = control.law, control.setup, common  # the law
+        self.law, self._setup, self._common = control.law, control.setup, common
         self._cycle = cycle_of(control.setup, control.state)
         self._make = entry_point(_core, *self._parts())
         self._core = self._make(*self._parts())

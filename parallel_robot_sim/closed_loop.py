@@ -37,7 +37,7 @@ class ClosedLoopRun(NamedTuple):
     command: Array  # torque computed from the state [N m]; NaN, as the next two, without an answer
     sliding_variable: Array  # sliding variable in the law's unit
     coupled_error: Array  # e_c of the law [rad]
-    fault: NDArray[np.int64]  # fault of the controller at the state, see mechanism.py, shape (N,)
+    fault: NDArray[np.int64]  # fault of the controller at the state, see faults.py, shape (N,)
     acted: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
     plant: PlantState  # state of the plant after the last command

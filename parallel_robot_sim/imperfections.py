@@ -105,7 +105,7 @@ def yielding(drive: Drive) -> FrictionParameters:
     )
 
 
-KINDS = 9  # of vectors that the plant remembers, see closing.py
+KINDS = 9  # of vectors that the plant remembers, see noise_and_delay.py
 MAX_DELAY = 0.1  # s, of a delay
 ENCODERS = 'sensor.resolution', 'sensor.counts_per_turn'  # what positions in steps come from
 
@@ -193,7 +193,7 @@ class Imperfections(NamedTuple):
     actuator: ActuatorParameters  # what the motors make of the commands
     load: LoadParameters  # disturbances
     drive: Drive  # gears and bristles
-    memory: int = 0  # address of the space for what the plant remembers, see closing.py
+    memory: int = 0  # address of the space for what the plant remembers, see noise_and_delay.py
     draws: int = 0  # address of the space for random numbers
 
     def with_memory(self, like: Array) -> Imperfections:

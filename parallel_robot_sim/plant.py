@@ -115,10 +115,10 @@ class PlantSetup(NamedTuple):
     measure: Any  # measure of the robot module, as FirstClass
     stepping: Stepping  # integrator, substeps, torque limit
     robot: Any  # constants of the true robot, boxed
-    load: Any  # jointLoad, boxed
-    imperfections: Any  # imperfections, boxed
-    patience: Any  # patience, boxed
-    hazards: Any  # hazards, boxed
+    load: Any  # JointLoad, boxed
+    imperfections: Any  # Imperfections, boxed
+    patience: Any  # Patience, boxed
+    hazards: Any  # Hazards, boxed
 
 
 class PlantState(NamedTuple):

@@ -54,7 +54,7 @@ class Inline:
 @pytest.fixture
 def inline(monkeypatch):
     """Runs of studies take place in this process; workers are tried in test_sweep_losses.py."""
-    for module in ('cli.shared', 'python.notebook', 'studies.tuning.tuned'):
+    for module in ('studies.sweep.workers', 'python.notebook', 'studies.tuning.tuned'):
         monkeypatch.setattr(f'parallel_robot.{module}.Processes', lambda _: Inline())
 
 

@@ -20,6 +20,7 @@ from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from trajectory_gen import hold, waypoints
+from trajectory_gen.joint_path import as_poses
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
 from trajectory_gen.trajectory import Trajectory, TrajectoryParameters
 
@@ -212,8 +213,6 @@ def _placed(
     if name == 'hold' and not given.pose:
         given = hold.Parameters(robot.pose_of(INITIAL, here))
     if getattr(given, 'space', '') == QUATERNIONS:
-        from trajectory_gen.joint_path import as_poses  # scipy takes long to load
-
         given = given._replace(points=as_poses(robot, given.points), space='pose')
     return given
 

@@ -163,14 +163,11 @@ class Trajectory:
             InputError: the shape refuses its parameters, or has another number of coordinates
                 than the pose of the robot; no pose fits the joints.
         """
-        # robot: the robot; parameters: which motion, and how it is published; limits:
-        # limits of the motion that only this robot has
         self.robot, self.parameters, self.limits = robot, parameters, limits
         name = parameters.shape
         if name not in SHAPES:
             shape_trial.check(name, shape, given)
-        # what the shape computes the motion from: its parameters, or what it has
-        # prepared
+        # what the shape computes the motion from: its parameters, or what it has prepared
         self.shape, self._length = prepared(name, shape, given)
         if near:
             self.shape = joint_path.in_pose(robot, self.shape, near)

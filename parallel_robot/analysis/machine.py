@@ -32,7 +32,7 @@ class State(NamedTuple):
     position: Array  # actuated joints [rad or m], shape (n,)
     velocity: Array  # their rates, shape (n,)
     M: Array  # inertia matrix, shape (n, n)
-    Q: Array  # coriolis and centrifugal matrix, shape (n, n)
+    Q: Array  # Coriolis and centrifugal matrix, shape (n, n)
     gravity: Array  # torques that hold it against gravity [N m or N], shape (n,)
     pose: Array  # shape (m,)
     joints: Array  # all joints [rad or m], shape (N,)

@@ -1,4 +1,4 @@
-"""What of a plane the tool of a robot reaches."""
+"""A plane of a robot's pose, and what of it the tool reaches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A region as a picture, with its motion, robot and home."""
+"""A region as a file: a picture with motion, robot and home, or its numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The results of a run as plain data and as tables."""
+"""The results of a run, of a motion alone, or of a simulation in parts: plain data and tables."""
 
 from __future__ import annotations
 

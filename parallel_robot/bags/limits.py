@@ -1,4 +1,4 @@
-"""How much memory and time reading a bag may take, whatever the bag claims."""
+"""How much memory and time reading a bag may take; rows beyond that are kept in files."""
 
 from __future__ import annotations
 

@@ -142,7 +142,8 @@ def build_parser(words: Collection[str] = tuple(COMMANDS)) -> Parser:
         words: Of the command line; subcommands that are none of them have no arguments.
     """
     parser = Parser(
-        prog='parallel_robot', description='Compares control laws for parallel robots, simulated or over ROS 2.'
+        prog='parallel_robot',
+        description='Compares control laws for parallel robots, simulated or over ROS 2.',
     )
     if '--version' in words:
         from parallel_robot.bags.experiment import software  # slow to import

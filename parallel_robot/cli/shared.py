@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from parallel_robot.analysis import evaluated_bag, readable_metrics, run_results, timing
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
@@ -18,8 +18,6 @@ from parallel_robot.bags.bag_reader import AS_RECORDED, NAMES, BagView, view
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.run import recorded_robot, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
-from parallel_robot.studies.sweep.workers import Cluster, Processes, Workers
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.options import number
@@ -28,7 +26,8 @@ from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.loop import length
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 
-# Options that several commands share.
+if TYPE_CHECKING:
+    from parallel_robot.studies.sweep.workers import Workers
 
 # The part of a run that figures are of, on a command line.
 
@@ -172,6 +171,10 @@ def workers_of(arguments: argparse.Namespace) -> tuple[Callable[[], Workers], in
     Raises:
         InputError: the options do not fit together.
     """
+    # Studies take long to load, and few commands have workers.
+    from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+    from parallel_robot.studies.sweep.workers import Cluster, Processes
+
     if arguments.scheduler is not None:
         if arguments.workers is not None:
             raise InputError('--workers is for processes on this machine, not for --scheduler')
@@ -181,8 +184,6 @@ def workers_of(arguments: argparse.Namespace) -> tuple[Callable[[], Workers], in
         raise InputError(f'--workers must be from 1 to {MOST_WORKERS}, not {count}')
     return lambda: Processes(count), count
 
-
-# Results of commands, as text or JSON.
 
 # The option ``--format``: results as text, JSON, Markdown or LaTeX.
 

@@ -33,15 +33,8 @@ from trajectory_gen.trajectory import Reference
 # What a controller outside Python calls: one control cycle, its inputs and outputs in memory.
 
 # Rows of numbers for each joint,
-POSITION, VELOCITY, EFFORT, REFERENCE, TORQUE, SLIDING_VARIABLE, COUPLED_ERROR = (
-    0,
-    1,
-    2,
-    3,
-    6,
-    7,
-    8,
-)
+POSITION, VELOCITY, EFFORT, REFERENCE, TORQUE = 0, 1, 2, 3, 6
+SLIDING_VARIABLE, COUPLED_ERROR = 7, 8
 ROWS = 9  # the reference has three
 # and numbers behind them.
 AGE, EFFORT_KNOWN, JOINS, SAMPLE, FAULT, CAUSE, ACTED = range(7)
@@ -94,7 +87,7 @@ def answer_state(instance: LawInstance) -> int:
     known = read_at(values, first + EFFORT_KNOWN, 0.0) != 0.0
     effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
     sample = int(read_at(values, first + SAMPLE, 0.0))
-    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see transitions.joining
+    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see controller_state.joining
         last = taking_over(state.last, effort)
         state = CycleState(
             state.pose,
@@ -129,11 +122,10 @@ def answer_state(instance: LawInstance) -> int:
 
 # What calls the simulated robot outside Python: one period, its inputs and outputs in memory.
 
-PLANT_TORQUE, PLANT_POSITION, PLANT_VELOCITY, PLANT_EFFORT, JOINTS, RATES = range(
-    6
-)  # rows of numbers for each joint
+# Rows of numbers for each joint,
+PLANT_TORQUE, PLANT_POSITION, PLANT_VELOCITY, PLANT_EFFORT, JOINTS, RATES = range(6)
 PLANT_ROWS = 6
-PLANT_AGE, POSE = 0, 1  # numbers behind them; the pose is the last
+PLANT_AGE, POSE = 0, 1  # and numbers behind them; the pose is the last
 
 
 class PlantInstance(NamedTuple):
@@ -142,7 +134,7 @@ class PlantInstance(NamedTuple):
     setup: Any  # what it is made of, see :class:`PlantSetup`
     state: int  # its state, a KeptValue
     like: PlantState  # a state, for its type
-    values: int  # address of inputs and outputs: ROWS for each joint, the age, the pose
+    values: int  # address of inputs and outputs: PLANT_ROWS for each joint, the age, the pose
     period: float  # time between states [s]
 
 

@@ -202,7 +202,7 @@ NAMES = ('trajectory', 'plant', 'controller')
 class StartedGraph(NamedTuple):
     """Nodes that move."""
 
-    processes: NodeProcesses  # their processes
+    processes: NodeProcesses
     parameters: dict[str, Any]  # what they were given, for a recorder
     values: dict[str, Any]  # their configuration
 

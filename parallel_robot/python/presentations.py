@@ -1,4 +1,4 @@
-"""Reports, videos and tables of bags."""
+"""Reports, videos and tables of bags; bags computed again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spectra of what the joints do."""
+"""Spectra of what the joints do, and a robot as a linear system."""
 
 from __future__ import annotations
 

@@ -88,7 +88,7 @@ def _moved(
     torques: Array,
     period: float,
 ) -> tuple[Array, Array, Array]:
-    """What small changes of states change; arguments as of `performed_motion._pushed`.
+    """What small changes of states change; arguments as of `ideal_torque._pushed`.
 
     Returns:
         The derivatives by the states of the states a period later, shape (K, 2c, 2c), of the

@@ -29,7 +29,7 @@ class LockedDirectory(abc.ABC):
 
     def __init__(self, directory: Path) -> None:
         """Prepare to open `directory`."""
-        self.directory = directory  # the directory
+        self.directory = directory
         self.new = False  # whether it had no manifest when it was opened
         self._lock: IO[str] | None = None
 

@@ -1,4 +1,4 @@
-"""The plants of the suite against MuJoCo, which shares nothing with them but the parameters."""
+"""Plants against MuJoCo, which shares parameters with them, and robots against their contract."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.configuration import resolve as resolve_robot
+from parallel_robot_control.configuration import resolve as resolve_control
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import group
@@ -223,7 +223,7 @@ def values_of(given: Mapping[str, Any]) -> dict[str, Any]:
     """
     scenario = SCENARIOS.get(str(given.get('robot_model')), 'paper_circle')
     own = load_robots(given).defaults({'robot_model': '', **given})  # of its poses, say
-    return resolve_robot(scenario, merged([own, given]))
+    return resolve_control(scenario, merged([own, given]))
 
 
 # A described machine against MuJoCo's own model of its file, with random masses and motions.

@@ -89,8 +89,7 @@ class Robot:
         self.law = self.fault = self.limits = ''
         # whether poses were ever heard: only robots that move in a plane publish them
         self.planar = False
-        # error of the end effector between the last two looks; None when there were no
-        # poses
+        # error of the end effector between the last two looks; None when there were no poses
         self.error: EffectorError | None = None
         # root mean squares of earlier looks [m], the newest last; NaN without poses
         self.history: deque[float] = deque(maxlen=HISTORY)

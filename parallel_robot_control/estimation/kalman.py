@@ -46,10 +46,11 @@ from parallel_robot_model.robots.contract import Model
 # covariances are those of each joint alone, with 1 / M_ii for its mobility, so a cycle has no
 # large matrices.
 #
-# Sources:     Kalman (1960), A new approach to linear filtering and prediction problems, J. Basic
-# Engineering     82(1); Johnson (1971), Accommodation of external disturbances in linear regulator
-# and     servomechanism problems, IEEE Trans. Automatic Control 16(6), for a disturbance as a
-# state.
+# Sources:
+#     Kalman (1960), A new approach to linear filtering and prediction problems, J. Basic
+#     Engineering 82(1); Johnson (1971), Accommodation of external disturbances in linear regulator
+#     and servomechanism problems, IEEE Trans. Automatic Control 16(6), for a disturbance as a
+#     state.
 
 SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
 DRIFT = 0.01  # 1/s, of the variances of constant disturbance and dry friction, relative
@@ -69,7 +70,7 @@ class Kalman(NamedTuple):
     offset: Array  # of c before it is known [(N m)^2]
     coulomb: Array  # of f before it is known [(N m)^2]
     levels: float  # time over which the first three variances are found [s]; 0: they are as given
-    memory: int  # address of its memory, see kalman.py
+    memory: int  # address of its memory
 
 
 class Mean(NamedTuple):
@@ -218,9 +219,10 @@ def _less(p: Variance, g: Array, of: Mean) -> Variance:
 # the variance of the prediction and R that of the noise; and the square of an estimate and its
 # variance sum up to that of what is estimated. So each level follows a moving mean.
 #
-# Sources:     Mehra (1970), On the identification of variances and adaptive Kalman filtering, IEEE
-# Trans.     Automatic Control 15(2), for the noise; Shumway, Stoffer (1982), J. Time Series
-# Analysis 3(4),     for the disturbance.
+# Sources:
+#     Mehra (1970), On the identification of variances and adaptive Kalman filtering, IEEE Trans.
+#     Automatic Control 15(2), for the noise; Shumway, Stoffer (1982), J. Time Series Analysis
+#     3(4), for the disturbance.
 
 RANGE = 100.0  # of a variance, to either side of the given one
 

@@ -111,7 +111,7 @@ class Channel:
 
         Args:
             session: Its number.
-            gains: In the order of the law; at most exchange.MOST_GAINS.
+            gains: In the order of the law; at most process.MOST_GAINS.
         """
         self._chosen[session] = gains
         self.ready()

@@ -185,7 +185,7 @@ def _check(group: str, name: str, value: Any) -> None:
 
 
 def names_given(names: Mapping[str, Any], group: str) -> dict[str, Any]:
-    """A group of what :func:`beside` says."""
+    """A group of what :func:`names_beside` says."""
     return dict(names.get(group, {}))
 
 

@@ -252,9 +252,10 @@ def is_resisted(
 # is the way under damping alone: the spring of a hold makes it shorter, and no torque at all stops
 # nothing.
 #
-# Source:     Gurriet, Mote, Singletary, Nilsson, Feron, Ames (2020), A Scalable Safety Critical
-# Control     Framework for Nonlinear Systems, IEEE Access 8: a state is safe from which a backup
-# controller     brings the system to rest within its limits.
+# Source:
+#     Gurriet, Mote, Singletary, Nilsson, Feron, Ames (2020), A Scalable Safety Critical Control
+#     Framework for Nonlinear Systems, IEEE Access 8: a state is safe from which a backup
+#     controller brings the system to rest within its limits.
 
 SHORT = 0.005  # rad, a way to rest that the margins of the robot have room for
 RESERVE = 1.25  # by which the robot may be heavier, or the motors weaker

@@ -1,4 +1,4 @@
-"""Errors of the suite: one base class, subclasses that carry the facts."""
+"""Errors of the suite, texts fit to show in them, and libraries that are optional."""
 
 from __future__ import annotations
 

@@ -82,8 +82,7 @@ class VectorType(types.Type):  # type: ignore[misc]
     """Numba's type of a vector."""
 
     def __init__(self, count: int, element: Any) -> None:
-        # count: number of its elements; element: type of an element: a scalar or a
-        # vector
+        # count: number of its elements; element: type of an element: a scalar or a vector
         self.count, self.element = count, element
         super().__init__(f'Vector({count}, {element})')
 

@@ -220,7 +220,7 @@ def scenario_values(scenario: str) -> dict[str, Any]:
 
 
 def _scenario(scenario: str) -> tuple[str, list[Layer]]:
-    """Name of a scenario, and what its files set, the bases first; see `scenario_file`."""
+    """Name of a scenario, and what its files set, the bases first."""
     name, files = config_files.scenario_layers(scenario, directory() / 'scenarios')
     return name, [(label(path), values) for path, values in files]
 

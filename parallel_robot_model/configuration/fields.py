@@ -261,7 +261,7 @@ def build_groups(values: Mapping[str, Any], declared: Declared) -> Groups:
 
 
 def group(values: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
-    """Build one group alone, see :func:`build`.
+    """Build one group alone, see :func:`build_groups`.
 
     Raises:
         InputError: a value is missing or wrong; it says where that stands.

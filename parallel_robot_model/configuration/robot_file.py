@@ -166,9 +166,11 @@ def _write(node: Node, parts: list[str], line: int) -> int:
 
 # What closes the loops of a URDF, from the YAML file beside it.
 #
-# Source:     Batto, de Matteis, Mansard (2025), Extended URDF, arXiv 2504.04767: `closed_loop` are
-# pairs of     frames that coincide, `type` says whether in position (3d) or in rotation, too (6d),
-# `name_mot` are the actuated joints, `joint_name` are those that are of the kinds `joint_type`.
+# Source:
+#     Batto, de Matteis, Mansard (2025), Extended URDF, arXiv 2504.04767: `closed_loop` are pairs
+#     of frames that coincide, `type` says whether in position (3d) or in rotation, too (6d),
+#     `name_mot` are the actuated joints, `joint_name` are those that are of the kinds
+#     `joint_type`.
 
 LOOP_KEYS = ('closed_loop', 'type', 'name_mot', 'joint_name', 'joint_type')
 

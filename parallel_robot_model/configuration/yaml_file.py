@@ -1,4 +1,4 @@
-"""A YAML file of a user: read once, with limits, into flat dotted keys."""
+"""Keys and values of a user: a YAML file, read once with limits, or words of a command line."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ skew-symmetric, too.
 Source:
     Echeandia, Wensing (2021), Numerical methods to compute the Coriolis matrix and Christoffel
     symbols for rigid-body systems, J. Comput. Nonlinear Dyn. 16(9), algorithm 1; the matrix B of
-    a body is [[D - n x / 2, 0], [-f x, 0]] about the world's origin, with D, n, f of `bodies`.
+    a body is [[D - n x / 2, 0], [-f x, 0]] about the world's origin, with D, n, f as below.
 """
 
 from __future__ import annotations

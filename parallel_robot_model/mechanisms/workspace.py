@@ -1,4 +1,4 @@
-"""The workspace of a mechanism's kernels: their memory of the posture, and arrays to compute in.
+"""The workspace of a mechanism's kernels: their memory, and linear systems that they solve in it.
 
 Whoever uses a mechanism has a workspace of its own. Kernels allocate nothing else. They take
 mechanism and workspace as they are, or as :func:`boxed` makes them, which is faster.

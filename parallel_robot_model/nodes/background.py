@@ -1,4 +1,4 @@
-"""Work of a node that must not hold up its loop, done in a thread of its own."""
+"""Work of a node beside its loop, how long callbacks hold that up, and its diagnostics."""
 
 from __future__ import annotations
 

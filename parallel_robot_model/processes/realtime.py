@@ -1,4 +1,4 @@
-"""Priority and memory of a process that keeps time, as far as the system permits."""
+"""A process that keeps time: priority, memory, its thread; whether nodes can hear each other."""
 
 from __future__ import annotations
 
@@ -220,7 +220,9 @@ class DeadlineThread(threading.Thread):
 # Whether nodes of this machine can hear each other, before any is started.
 
 DISCOVERY_RANGE = 'ROS_AUTOMATIC_DISCOVERY_RANGE'
-LOCALHOST_ONLY = 'ROS_LOCALHOST_ONLY'  # deprecated; 1 means the range LOCALHOST, whatever RANGE is
+LOCALHOST_ONLY = (
+    'ROS_LOCALHOST_ONLY'  # deprecated; 1 means the range LOCALHOST, whatever DISCOVERY_RANGE is
+)
 FLAGS_OF, UP = 0x8913, 1  # of an interface, see netdevice(7): SIOCGIFFLAGS, IFF_UP
 
 

@@ -29,8 +29,7 @@ class Link(NamedTuple):
     inertia: float | Moments
     # both ends of each straight line of a picture, in its own frame [m]
     lines: tuple[tuple[Point, Point], ...]
-    # its frame where the joint is at zero, seen from that of the parent, a quaternion x, y,
-    # z, w
+    # its frame where the joint is at zero, seen from that of the parent, a quaternion x, y, z, w
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     # axis of the joint in its own frame, a unit vector
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)

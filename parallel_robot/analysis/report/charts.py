@@ -23,7 +23,7 @@ class Curve(NamedTuple):
     """One curve, with as many points as can be seen."""
 
     label: str  # name in the legend
-    style: str  # key of palette.STYLES
+    style: str  # key of looks.STYLES
     x: np.ndarray  # shape (N,)
     y: np.ndarray  # shape (N,)
 

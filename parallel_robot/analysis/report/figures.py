@@ -77,7 +77,7 @@ def draw_run(
         run: The run.
         motion: Its motion.
         path: File to write, which must not exist; its suffix chooses the format.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
         marks: Times at which something changed [s].
         track: Poses of its path; None: those of the motion.
 
@@ -104,7 +104,7 @@ def figure_of_run(
     Args:
         run: The run.
         motion: Its motion.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
         marks: Times at which something changed [s].
         track: Poses of its path; None: those of the motion.
     """
@@ -152,8 +152,8 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
     robot is not a place.
 
     Args:
-        runs: Name to a run and its motion, up to as many as palette.RUNS.
-        scale: Of errors, see scale.SCALES.
+        runs: Name to a run and its motion, up to as many as looks.RUNS.
+        scale: Of errors, see looks.SCALES.
     """
     named, motions = zip(*runs.values(), strict=True)
     poses = [motion.poses for motion in motions]

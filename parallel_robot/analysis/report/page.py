@@ -34,7 +34,7 @@ def plot(chart: Chart, scale: str) -> dict[str, Any]:
 
     Args:
         chart: The chart.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
 
     Returns:
         ``data`` and ``layout`` of plotly.js with signed values, and whether they are shown as
@@ -234,7 +234,7 @@ def render(
     Args:
         groups: Name of a group to its runs, see :func:`runs.read_runs`.
         charts: Name of a group to its charts.
-        scale: Of errors at first, see scale.SCALES.
+        scale: Of errors at first, see looks.SCALES.
 
     Returns:
         HTML with scripts, styles and data inside; it loads nothing from the network.

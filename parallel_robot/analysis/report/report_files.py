@@ -70,7 +70,7 @@ def draw_chart(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> l
         chart: The chart.
         directory: Directory of the files.
         name: Name of the files, without suffix.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
 
     Returns:
         The files.
@@ -188,7 +188,7 @@ def make(
     Args:
         bags: Directories of the bags, or one file of each.
         directory: Directory of the report; must not exist.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
         code: What may run to know their robots.
         view: What bags do not say themselves, and which part is wanted.
 
@@ -212,7 +212,7 @@ def write(groups: dict[str, list[Run]], directory: str | Path, scale: str = AUTO
     Args:
         groups: Name of a group to its runs.
         directory: Directory of the report; must not exist.
-        scale: Of errors, see scale.SCALES.
+        scale: Of errors, see looks.SCALES.
 
     Returns:
         Number of files of the figures.

@@ -33,7 +33,7 @@ class Run(NamedTuple):
 
     bag: Path  # path of the bag
     label: str  # its name in legends, different from all others of its group
-    style: str  # key of palette.STYLES
+    style: str  # key of looks.STYLES
     log: run_log.RunLog  # the recorded run; of a long one, states of a part alone
     # its true motion where that is known, else the one that was seen; of a long run, the
     # samples that can be seen in a picture

@@ -1,4 +1,4 @@
-"""Types of the suite's messages: definition, hash and decoding, without the import of all of ROS.
+"""Types of the suite's messages, messages as bytes, and topics as a bag describes them.
 
 rosbags knows every type of every distribution, and takes 0.12 s to import them. Those of the suite
 stand in message_types.json, which ``python -m parallel_robot.bags.messages.message_types`` prints.

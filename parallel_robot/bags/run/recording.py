@@ -367,7 +367,7 @@ class _Source:
     def _known(
         self, streams: Mapping[str, Sequence[Sequence[Samples]]]
     ) -> tuple[dict[Topic, list[Samples]], tuple[Topic, ...]]:
-        """Messages by topic, and the topics in whose place others stand, see motion_alone."""
+        """Messages by topic, and the topics of which there are none."""
         known = run_messages.streams_of(self._bag, streams, self._view)
         if not self._motion_only:
             return known, ()

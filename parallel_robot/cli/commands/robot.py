@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.machine import facts_of, readable
+from parallel_robot.analysis.machine import draw, facts_of, readable
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import JSON, add_format_argument, show
@@ -59,8 +59,6 @@ def execute(arguments: argparse.Namespace) -> int:
         facts = facts_of(robot_of(values), position, velocity)
     files = []
     if arguments.plot:
-        from parallel_robot.analysis.machine import draw  # it takes long to load
-
         draw(facts, arguments.plot)
         files.append(f'picture {arguments.plot}')
     show(JSON if arguments.json else arguments.format, readable(facts), facts.plain(), files)

@@ -207,8 +207,7 @@ class NearStates:
         self._time, self._margin = time, margin
         self._count, self._newest = 0, FIRST
         self._parts: list[tuple[Array, Array, Array]] = []
-        # first: time of the first state [s]; NaN before it came; last: that of the last
-        # one
+        # first: time of the first state [s]; NaN before it came; last: that of the last one
         self.first = self.last = np.nan
         # time between the states before and after each pose [s]; NaN where there are
         # none, shape (N,)

@@ -158,7 +158,6 @@ class PoseModel:
         Raises:
             InputError: the robot has nothing that is free, or its geometry does not fit.
         """
-        # robot: the nominal robot; measured: the poses
         self.robot, self.track, self.measured = robot, track, measured
         self._tracker = Tracker(robot, measured.columns, free)
         self.units = self._tracker.units  # unit of each measured coordinate
@@ -170,8 +169,7 @@ class PoseModel:
         self._guesses = found
         # the numbers of its geometry that count
         self.numbers: tuple[Number, ...] = find_numbers(robot, position, found)
-        # all that is looked for: these, zero angles, what is free of the tracker, its
-        # clock
+        # all that is looked for: these, zero angles, what is free of the tracker, its clock
         self.unknown = (
             *(Unknown(each.name, each.unit) for each in self.numbers),
             *(

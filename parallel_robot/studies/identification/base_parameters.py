@@ -28,8 +28,7 @@ NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
 class BaseParameters:
     """Base parameters beta = K p of a robot, then its friction."""
 
-    # names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the
-    # friction
+    # names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the friction
     names: tuple[str, ...]
     units: tuple[str, ...]  # their units
     kept: tuple[int, ...]  # columns of the regressor that are independent

@@ -189,8 +189,9 @@ def _nearest(
 # Noise is told from what still moves by third differences, in which a smooth motion vanishes and
 # white noise has 20 times its variance.
 #
-# Source:     Hall, Kay, Titterington (1990), Asymptotically optimal difference-based estimation of
-# variance     in nonparametric regression, Biometrika 77(3).
+# Source:
+#     Hall, Kay, Titterington (1990), Asymptotically optimal difference-based estimation of
+#     variance in nonparametric regression, Biometrika 77(3).
 
 SHORTEST = 0.1  # s of a phase
 NO_REST = f'sensor noise: the bag has no phase of rest of {SHORTEST:g} s'

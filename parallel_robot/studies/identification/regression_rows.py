@@ -52,8 +52,7 @@ class Rows:
     """Y beta = tau at T times of a stretch without gaps, filtered."""
 
     time: Array  # times [s], shape (T,)
-    # regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is
-    # not
+    # regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is not
     Y: Array
     torque: Array  # torques [N m], shape (T, n); zero where `known` is not
     # whether the torque of a joint can be explained: it does not stand still

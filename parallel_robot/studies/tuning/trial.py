@@ -118,8 +118,7 @@ class Verdict:
     rule: Rule
     trials: int  # number of all trials
     ran: int  # number of those that were run: gains that a law forbids teach nothing
-    # share by which the best figure fell within the last trials; infinite if there was none
-    # before
+    # share by which the best figure fell within the last trials; infinite if there was none before
     improvement: float
 
     @property

@@ -216,10 +216,8 @@ def _digit(upper: int, lower: int, k: int, carry: int) -> tuple[int, int]:
 
 # Arcus functions.
 
-CENTRES, FIRST_CENTRE = (
-    32,
-    4,
-)  # of a ratio up to 1, in units of 1/32; below the first the centre is 0
+# Of a ratio up to 1, in units of 1/32; below the first the centre is 0.
+CENTRES, FIRST_CENTRE = 32, 4
 TABLE = np.array(
     [
         float_bits.arctangent(j, CENTRES) if j >= FIRST_CENTRE else (0.0, 0.0)

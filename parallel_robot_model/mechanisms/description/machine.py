@@ -184,8 +184,7 @@ class Machine(NamedTuple):
     effort: tuple[float, ...]
     velocity: tuple[float, ...]  # their greatest rates [rad/s or m/s]; infinite if there is none
     tool: str  # name of the frame that is controlled
-    # names and units of the m coordinates of the tool; empty: the pose is the actuated
-    # joints
+    # names and units of the m coordinates of the tool; empty: the pose is the actuated joints
     coordinates: tuple[tuple[str, str], ...]
     home_moved: float  # by how much the loops were open at the home that was asked for [m]
     doubts: tuple[str, ...]  # what people should know of how the file was read, one line each

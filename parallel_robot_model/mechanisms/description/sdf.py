@@ -73,8 +73,7 @@ class Poses:
             for tag in ('frame', 'joint', 'link')
             for node in children(model, tag)
         }
-        # model: the frame of the model; axes_in_model: whether axes of joints are seen
-        # from it
+        # the frame of the model, and whether axes of joints are seen from it
         self.model, self.axes_in_model = pose(child(model, 'pose')), axes_in_model
         self._found: dict[str, Frame] = {}
 

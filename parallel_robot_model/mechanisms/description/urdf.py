@@ -41,9 +41,10 @@ from parallel_robot_model.mechanisms.description.parts import (
 
 # What closes loops in URDF, of several authors.
 #
-# Sources:     `constraint`: pull requests ros/urdfdom_headers#108 and ros/urdfdom#264 (2026):
-# joints of     which both ends have an origin. `loop` and `coupling`: Chignoli, Slotine, Wensing,
-# Kim (2024),     URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_loops`.
+# Sources:
+#     `constraint`: pull requests ros/urdfdom_headers#108 and ros/urdfdom#264 (2026): joints of
+#     which both ends have an origin. `loop` and `coupling`: Chignoli, Slotine, Wensing, Kim
+#     (2024), URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_file`.
 
 CLOSURE_TAGS = 'constraint', 'loop', 'coupling', 'closed_loop'
 AXES = {'X': (1.0, 0.0, 0.0), 'Y': (0.0, 1.0, 0.0), 'Z': (0.0, 0.0, 1.0)}
