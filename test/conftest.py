@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, settings
 
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
+from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters
 
 STOCK = pytest.version_tuple < (9,)  # as in Ubuntu 24.04: colcon test, without the extra 'test'
 QUICK = (  # tests that need no more than the suite, pytest and hypothesis

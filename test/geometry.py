@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
-from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
+from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters
 
 ROBOT = group(config.resolve('paper_circle'), RobotParameters, 'robot')
 PAPER_START = np.array([0.5284, 0.3681, np.pi / 2])

@@ -21,7 +21,7 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     GUESS_OUT_OF_REACH,
     NOT_CONVERGED,
 )
-from parallel_robot_model.robots.planar_3rrr.geometry import posture_at
+from parallel_robot_model.robots.planar_3rrr.kinematics import posture_at
 
 
 class Situation(NamedTuple):

@@ -21,7 +21,7 @@ from parallel_robot_model.robots.planar_3rrr.dynamics import (
     rates_of,
     velocity_maps,
 )
-from parallel_robot_model.robots.planar_3rrr.geometry import posture_at
+from parallel_robot_model.robots.planar_3rrr.kinematics import posture_at
 
 STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)

@@ -24,7 +24,7 @@ from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.compiler import cross, dot, multiply, solve, vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.contract import FOUND
-from parallel_robot_model.robots.planar_3rrr import dynamics, geometry
+from parallel_robot_model.robots.planar_3rrr import dynamics, kinematics
 from parallel_robot_model.robots.planar_3rrr import forward_kinematics as forward
 from parallel_robot_model.robots.planar_3rrr.dynamics import inverse_rows
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
@@ -42,7 +42,7 @@ MODES = {'paper': ROBOT, 'mirrored': MIRRORED, 'mixed': MIXED, 'collinear base':
 
 
 def inverse_kinematics(robot, pose):
-    return geometry.inverse_kinematics(boxed(planar_3rrr, robot), vector(pose))
+    return kinematics.inverse_kinematics(boxed(planar_3rrr, robot), vector(pose))
 
 
 def forward_kinematics(robot, theta, guess):
@@ -50,7 +50,7 @@ def forward_kinematics(robot, theta, guess):
 
 
 def posture_at(pose):
-    return geometry.posture_at(boxed(planar_3rrr, ROBOT), vector(pose))
+    return kinematics.posture_at(boxed(planar_3rrr, ROBOT), vector(pose))
 
 
 def beta_of(found):

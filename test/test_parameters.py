@@ -5,7 +5,7 @@ import math
 import pytest
 
 from parallel_robot_model.common.errors import RobotError
-from parallel_robot_model.robots.planar_3rrr.geometry import validate
+from parallel_robot_model.robots.planar_3rrr.kinematics import validate
 
 
 def test_the_papers_robot_can_be_built(robot):

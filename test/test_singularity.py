@@ -11,7 +11,7 @@ from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr import dynamics
 from parallel_robot_model.robots.planar_3rrr.dynamics import condition_numbers
-from parallel_robot_model.robots.planar_3rrr.geometry import inverse_kinematics, posture_at
+from parallel_robot_model.robots.planar_3rrr.kinematics import inverse_kinematics, posture_at
 
 CONSTANTS = boxed(planar_3rrr, ROBOT)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from geometry import PAPER_START, legs
 
-from parallel_robot_model.robots.planar_3rrr.geometry import segments
+from parallel_robot_model.robots.planar_3rrr.kinematics import segments
 
 
 @pytest.mark.parametrize('count', [None, 5])

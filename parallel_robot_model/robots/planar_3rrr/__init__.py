@@ -21,13 +21,13 @@ from parallel_robot_model.robots.planar_3rrr.estimate import (
     start,
 )
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import pose_with
-from parallel_robot_model.robots.planar_3rrr.geometry import (
+from parallel_robot_model.robots.planar_3rrr.kinematics import (
     Constants,
     constants,
     segments,
     validate,
 )
-from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters as Parameters
+from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters as Parameters
 
 PARTS = ('leg', 'platform')
 PLANAR = True

@@ -19,7 +19,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cross, dot, kernel, select, vector
 from parallel_robot_model.robots.contract import Model
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
-from parallel_robot_model.robots.planar_3rrr.geometry import (
+from parallel_robot_model.robots.planar_3rrr.kinematics import (
     Constants,
     Posture,
     RobotParameters,

@@ -42,7 +42,7 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     WRONG_WORKING_MODE,
     forward_kinematics,
 )
-from parallel_robot_model.robots.planar_3rrr.geometry import (
+from parallel_robot_model.robots.planar_3rrr.kinematics import (
     Constants,
     RobotParameters,
     constants,

@@ -11,7 +11,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import dot, every, kernel, select, vector
 from parallel_robot_model.robots.contract import FOUND, REACHED
 from parallel_robot_model.robots.planar_3rrr.dynamics import Columns, inverse_rows, type_2_measure
-from parallel_robot_model.robots.planar_3rrr.geometry import (
+from parallel_robot_model.robots.planar_3rrr.kinematics import (
     Constants,
     Posture,
     RobotParameters,

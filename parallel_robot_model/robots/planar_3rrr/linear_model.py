@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters
+from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters
 
 NAMES = (
     'a = I1 + m1 lc1^2 + m2 l1^2, b = I2 + m2 lc2^2, h = m2 l1 lc2, all legs alike; '

@@ -7,7 +7,7 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.link import Link
-from parallel_robot_model.robots.planar_3rrr.geometry import RobotParameters, segments
+from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters, segments
 
 PLATFORM = 'platform_joint'  # name of the joint between the first leg and the platform
 
