@@ -96,10 +96,10 @@ def cases() -> list[Case]:
 def chosen(every: list[Case], patterns: list[str]) -> list[Case]:
     """The cases of some names, with those whose files they read."""
     taken: set[str] = set()
-    for case in reversed(every):
+    for place, case in reversed([*enumerate(every)]):
         if case.name in taken or any(fnmatch.fnmatch(case.name, each) for each in patterns):
             read = set(re.findall(r'\w+', ' '.join(case.words)))
-            taken |= {case.name, *(other.name for other in every if other.name in read)}
+            taken |= {case.name, *(other.name for other in every[:place] if other.name in read)}
     return [case for case in every if case.name in taken]
 
 
