@@ -171,7 +171,7 @@ def told(
     joints = {links[i].joint.name: links[i].joint for i in freedoms.passive}.values()
     if stiff := [joint.name for joint in joints if joint.armature]:
         yield f'passive joints with armature: {listed(stiff)}'
-    if rough := [joint.name for joint in joints if joint.viscous or joint.coulomb]:
+    if rough := [joint.name for joint in joints if any(joint.damping) or joint.coulomb]:
         yield f'friction of passive joints is left out: {listed(rough)}'
     ends = {i: (links[i].joint.lower, links[i].joint.upper) for i in freedoms.actuated}
     if none := [links[i].name for i, (lower, upper) in ends.items() if lower >= upper]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -180,7 +181,8 @@ class Machine(NamedTuple):
     coulomb: tuple[float, ...]  # their dry friction [N m or N]
     lower: tuple[float, ...]  # ends of their travel [rad or m]; infinite if there is none
     upper: tuple[float, ...]  # the others
-    # their greatest torques or forces [N m or N]; infinite if there is none
+    # their least and greatest torques or forces [N m or N]; infinite if there is none
+    least_effort: tuple[float, ...]
     effort: tuple[float, ...]
     velocity: tuple[float, ...]  # their greatest rates [rad/s or m/s]; infinite if there is none
     tool: str  # name of the frame that is controlled
@@ -217,6 +219,7 @@ def machine(
             joints as freedoms, or the masses make no positive definite inertia matrix.
     """
     _check_names(description)
+    description = _with_actuators(description)
     at = posture(description, home)
     tree = build(description, at)
     names = tuple(link.name for link in tree.links)
@@ -248,7 +251,6 @@ def machine(
     chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
     joints = [links[i].joint for i in freedoms.actuated]
-    efforts = _efforts(description)
     return Machine(
         mechanism=as_mechanism(description, parts, freedoms, inertia, chosen),
         names=names,
@@ -256,11 +258,12 @@ def machine(
         passive=tuple(names[i] for i in freedoms.passive),
         held=tuple(names[i] for i in freedoms.held),
         units=tuple('rad' if links[i].kind == HINGE else 'm' for i in freedoms.actuated),
-        viscous=tuple(joint.viscous for joint in joints),
+        viscous=tuple(sum(joint.damping[:1]) for joint in joints),
         coulomb=tuple(joint.coulomb for joint in joints),
         lower=tuple(-np.inf if joint.lower >= joint.upper else joint.lower for joint in joints),
         upper=tuple(np.inf if joint.lower >= joint.upper else joint.upper for joint in joints),
-        effort=tuple(min(joint.effort, efforts.get(joint.name, np.inf)) for joint in joints),
+        least_effort=tuple(joint.effort[0] for joint in joints),
+        effort=tuple(joint.effort[1] for joint in joints),
         velocity=tuple(joint.velocity for joint in joints),
         tool=found.name,
         coordinates=coordinates,
@@ -275,12 +278,23 @@ def machine(
     )
 
 
-def _efforts(description: Description) -> dict[str, float]:
-    """Greatest torque or force of the actuators of each joint."""
-    efforts: dict[str, float] = {}
-    for actuator in description.actuators:
-        efforts[actuator.joint] = efforts.get(actuator.joint, 0.0) + actuator.effort
-    return efforts
+def _with_actuators(description: Description) -> Description:
+    """The same with the rotors, damping and limits of actuators at the joints that they drive."""
+    joints = {joint.name: joint for joint in description.joints}
+    efforts: dict[str, Array] = {}
+    for each in description.actuators:
+        joint = joints[each.joint]
+        sums = zip_longest(joint.damping, each.damping, fillvalue=0.0)
+        joints[each.joint] = joint._replace(
+            armature=joint.armature + each.armature,
+            damping=tuple(one + other for one, other in sums),
+        )
+        efforts[each.joint] = efforts.get(each.joint, np.zeros(2)) + each.effort
+    for name, (least, greatest) in efforts.items():
+        low, high = joints[name].effort
+        limits = max(low, float(least)), min(high, float(greatest))
+        joints[name] = joints[name]._replace(effort=limits)
+    return description._replace(joints=tuple(joints.values()))
 
 
 def _by_file(description: Description) -> Sequence[str]:

@@ -19,6 +19,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
     SLIDE,
+    UNLIMITED,
     WORLD,
     Actuator,
     Body,
@@ -209,7 +210,8 @@ def actuators(model: Any, joints: Sequence[str], doubts: list[str]) -> list[Actu
         name = str(model.actuator(i).name) or joints[joint]
         if int(model.actuator_biastype[i]) != mujoco.mjtBias.mjBIAS_NONE:
             servos.append(name)
-        found.append(Actuator(name, joints[joint], _effort(mujoco, model, i)))
+        greatest = _effort(mujoco, model, i)
+        found.append(Actuator(name, joints[joint], (-greatest, greatest)))
     if servos:
         doubts.append(f'servos are taken for motors, their gains left out: {listed(servos)}')
     if others:
@@ -282,6 +284,7 @@ class _Reading:
             joints=tuple(self._joint(i) for i in range(model.njnt)),
             loops=tuple(loops),
             couplings=tuple(couplings),
+            tendons=(),
             actuators=tuple(actuators(model, self._joints, self._doubts)),
             frames=self._frames(),
             keyframes=dict(self._keyframe(i) for i in range(model.nkey)),
@@ -331,7 +334,7 @@ class _Reading:
             )
         dof = model.jnt_dofadr[index]
         lower, upper = model.jnt_range[index] if model.jnt_limited[index] else (-np.inf, np.inf)
-        forces = model.jnt_actfrcrange[index] if model.jnt_actfrclimited[index] else (-np.inf,) * 2
+        forces = model.jnt_actfrcrange[index] if model.jnt_actfrclimited[index] else UNLIMITED
         if model.jnt_stiffness[index] and kind != BALL:
             self._doubts.append(
                 f'joint {printable(self._joints[index])!r} has a spring, which is left out'
@@ -345,11 +348,16 @@ class _Reading:
             zero=0.0 if kind == BALL else float(model.qpos0[model.jnt_qposadr[index]]),
             lower=-np.inf if kind == BALL else float(lower),
             upper=np.inf if kind == BALL else float(upper),
-            effort=float(max(np.abs(forces))),
-            viscous=float(np.atleast_1d(model.dof_damping[dof]).flat[0]),
+            effort=(float(forces[0]), float(forces[1])),
+            damping=self._polynomial('dof_damping', dof),
             coulomb=float(model.dof_frictionloss[dof]),
             armature=float(model.dof_armature[dof]),
         )
+
+    def _polynomial(self, field: str, index: int) -> tuple[float, ...]:
+        """The coefficients of a force, as many as the release of MuJoCo knows."""
+        higher = getattr(self._model, f'{field}poly', np.zeros((index + 1, 0)))[index]
+        return (float(getattr(self._model, field)[index]), *map(float, higher))
 
     def _closures(self) -> tuple[list[Loop], list[Coupling]]:
         model, kinds = self._model, self._mujoco.mjtEq

@@ -13,6 +13,9 @@ from parallel_robot_model.common.units import Array
 WORLD = -1  # in place of a body: what does not move
 HINGE, SLIDE, BALL = 'hinge', 'slide', 'ball'
 INFINITY = float('inf')
+Range = tuple[float, float]
+Polynomial = tuple[float, ...]
+UNLIMITED: Range = (-INFINITY, INFINITY)
 
 
 class Body(NamedTuple):
@@ -27,6 +30,7 @@ class Body(NamedTuple):
     centre: Array = np.zeros(3)  # centre of mass in its frame [m], shape (3,)
     # about the centre of mass in its frame [kg m^2], shape (3, 3)
     inertia: Array = np.zeros((3, 3))
+    lifted: float = 0.0  # share of its weight that is taken off it
 
 
 class Joint(NamedTuple):
@@ -40,11 +44,15 @@ class Joint(NamedTuple):
     zero: float = 0.0  # its position where the frames of the bodies were read [rad or m]
     lower: float = -INFINITY  # least position [rad or m]
     upper: float = INFINITY  # greatest position [rad or m]
-    effort: float = INFINITY  # greatest torque or force [N m or N]
+    effort: Range = UNLIMITED  # least and greatest torque or force [N m or N]
     velocity: float = INFINITY  # greatest rate [rad/s or m/s]
-    viscous: float = 0.0  # viscous friction [N m s/rad or N s/m]
+    # viscous friction [N m s/rad or N s/m], and its growth: v (d0 + d1 |v| + d2 v^2 + ...)
+    damping: Polynomial = ()
     coulomb: float = 0.0  # dry friction [N m or N]
     armature: float = 0.0  # inertia of the rotor, as felt at the joint [kg m^2 or kg]
+    # of its spring [N m/rad or N/m], x from `rest`: x (k0 + k1 x + k2 x^2 + ...)
+    stiffness: Polynomial = ()
+    rest: float = 0.0  # position where the spring is slack [rad or m]
 
 
 class Frame(NamedTuple):
@@ -74,12 +82,30 @@ class Coupling(NamedTuple):
     offset: float = 0.0  # position where the other is at zero [rad or m]
 
 
+class Tendon(NamedTuple):
+    """A length that is a sum of joint positions times ratios, and what acts along it."""
+
+    name: str  # what the file calls it
+    ratios: dict[str, float]  # by joint
+    lower: float = -INFINITY  # least length
+    upper: float = INFINITY  # greatest length
+    damping: Polynomial = ()  # as of a joint, of its rate
+    coulomb: float = 0.0  # dry friction
+    armature: float = 0.0  # inertia that its rate is felt with
+    stiffness: Polynomial = ()  # as of a joint
+    rest: Range = (0.0, 0.0)  # lengths between which the spring is slack
+
+
 class Actuator(NamedTuple):
-    """What drives a joint."""
+    """What drives a joint; all numbers as they are felt at the joint."""
 
     name: str  # what the file calls it
     joint: str  # the joint that it drives
-    effort: float = INFINITY  # greatest torque or force at the joint [N m or N]
+    effort: Range = UNLIMITED  # least and greatest torque or force [N m or N]
+    armature: float = 0.0  # inertia of the rotor [kg m^2 or kg]
+    damping: Polynomial = ()  # as of a joint
+    lag: float = 0.0  # time constant of its torque [s]
+    delay: float = 0.0  # of its commands [s]
 
 
 class Description(NamedTuple):
@@ -90,6 +116,7 @@ class Description(NamedTuple):
     joints: tuple[Joint, ...]  # in the order of their bodies
     loops: tuple[Loop, ...]  # frames that coincide
     couplings: tuple[Coupling, ...]  # joints that follow others
+    tendons: tuple[Tendon, ...]  # lengths along which something acts
     actuators: tuple[Actuator, ...]  # what drives joints
     frames: dict[str, Frame]  # frames by name: sites, links, bodies
     # postures by name: joint to position, of a ball a quaternion (w, x, y, z)
@@ -139,8 +166,17 @@ def _numbers(description: Description) -> Iterator[tuple[str, Any]]:
     for body in description.bodies:
         yield from ((f'body {printable(body.name)!r}', value) for value in body[2:])
     for joint in description.joints:
-        own = (joint.axis, joint.anchor, joint.zero, joint.viscous, joint.coulomb, joint.armature)
+        own = (
+            joint.axis, joint.anchor, joint.zero, joint.coulomb, joint.armature, joint.damping,
+            joint.stiffness, joint.rest,
+        )  # fmt: skip
         yield from ((f'joint {printable(joint.name)!r}', value) for value in own)
+    for tendon in description.tendons:
+        for value in (tendon.damping, tendon.coulomb, tendon.armature, tendon.stiffness):
+            yield f'tendon {printable(tendon.name)!r}', value
+    for actuator in description.actuators:
+        for value in (actuator.armature, actuator.damping, actuator.lag, actuator.delay):
+            yield f'actuator {printable(actuator.name)!r}', value
     for loop in description.loops:
         for frame in (loop.first, loop.second):
             yield f'loop {printable(loop.name)!r}', frame.position

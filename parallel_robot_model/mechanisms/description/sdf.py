@@ -27,6 +27,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
     SLIDE,
+    UNLIMITED,
     WORLD,
     Coupling,
     Description,
@@ -138,7 +139,7 @@ KINDS = {
     'ball': (BALL,), 'universal': (HINGE, HINGE), 'revolute2': (HINGE, HINGE),
 }  # fmt: skip
 GRAVITY = 0.0, 0.0, -9.8  # m/s^2, of SDF
-UNLIMITED = 1e16  # for SDF
+ENDLESS = 1e16  # for SDF
 AXES_IN_JOINTS = 1, 5  # version since which axes are seen from joints, not from the model
 
 
@@ -178,6 +179,7 @@ def read(root: Node, source: str) -> Description:
         joints=tuple(graph.joints),
         loops=tuple(graph.loops),
         couplings=tuple(_mimics(joints)),
+        tendons=(),
         actuators=(),
         frames=frames,
         keyframes={},
@@ -281,7 +283,7 @@ def _step(
         vector = here.rotation.T @ poses.of(node, seen_from).rotation @ vector
     limit, dynamics = (None if axis is None else child(axis, tag) for tag in ('limit', 'dynamics'))
     lower, upper = _number(limit, 'lower', -np.inf), _number(limit, 'upper', np.inf)
-    if joint == 'continuous' or max(abs(lower), abs(upper)) >= UNLIMITED:
+    if joint == 'continuous' or max(abs(lower), abs(upper)) >= ENDLESS:
         lower, upper = -np.inf, np.inf
     effort, velocity = _number(limit, 'effort', -1.0), _number(limit, 'velocity', -1.0)
     return Joint(
@@ -291,9 +293,9 @@ def _step(
         axis=unit(node, vector),
         lower=lower,
         upper=upper,
-        effort=effort if effort > 0.0 else np.inf,
+        effort=(-effort, effort) if effort > 0.0 else UNLIMITED,
         velocity=velocity if velocity > 0.0 else np.inf,
-        viscous=_number(dynamics, 'damping'),
+        damping=(_number(dynamics, 'damping'),),
         coulomb=_number(dynamics, 'friction'),
     )
 

@@ -203,6 +203,7 @@ def read(robot: Node, source: str) -> Description:
         joints=tuple(graph.joints),
         loops=(*graph.loops, *_closing_frames(robot, ends)),
         couplings=(*_mimics(joints), *couplings(robot, edges)),
+        tendons=(),
         actuators=tuple(actuators),
         frames=frames,
         keyframes={},
@@ -253,6 +254,7 @@ def _step(node: Node) -> Joint:
         return Joint('', WORLD, '', np.zeros(3))
     limit, dynamics = child(node, 'limit'), child(node, 'dynamics')
     limited = kind in ('revolute', 'prismatic')
+    effort = number(limit, 'effort') or np.inf
     return Joint(
         name='',
         body=WORLD,
@@ -260,9 +262,9 @@ def _step(node: Node) -> Joint:
         axis=unit(node, vector(child(node, 'axis'), 'xyz', (1.0, 0.0, 0.0))),
         lower=number(limit, 'lower', -np.inf) if limited else -np.inf,
         upper=number(limit, 'upper', np.inf) if limited else np.inf,
-        effort=number(limit, 'effort') or np.inf,
+        effort=(-effort, effort),
         velocity=number(limit, 'velocity') or np.inf,
-        viscous=number(dynamics, 'damping'),
+        damping=(number(dynamics, 'damping'),),
         coulomb=number(dynamics, 'friction'),
     )
 
