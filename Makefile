@@ -51,6 +51,7 @@ demo: $(INSTALLED) ## run the paper's circle in real time over ROS 2, show it in
 
 docs: setup ## write docs/parameters.md anew, draw the packages, run docs/notebook.ipynb, draw the moving robot
 	$(BIN)/python docs/parameters.py docs/parameters.md
+	$(BIN)/python docs/compiled_machines.py
 	$(BIN)/python docs/architecture.py docs/images/packages.svg
 	$(BIN)/python docs/notebook.py
 	@bags=$$(mktemp -d) && trap 'rm -rf "$$bags"' EXIT && \

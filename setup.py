@@ -113,7 +113,7 @@ setup(
         (f'share/{NAME}/config/benchmarks', glob('config/benchmarks/*.yaml')),
         (f'share/{NAME}/config/laws', glob('config/laws/*.yaml')),
         (f'share/{NAME}/config/hardware', glob('config/hardware/*.*')),
-        (f'share/{NAME}/config/machines', glob('config/machines/*.xml')),
+        (f'share/{NAME}/config/machines', glob('config/machines/*.*')),
         (f'share/{NAME}/config/middleware', glob('config/middleware/*.xml')),
         (f'share/{NAME}/config/robots', glob('config/robots/*.yaml')),
         (f'share/{NAME}/config/scenarios', glob('config/scenarios/*.yaml')),

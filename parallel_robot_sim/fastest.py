@@ -44,14 +44,15 @@ def fastest(configuration: Configuration) -> Fastest:
         raise InputError('the motion stands still: it has no fastest speed', 'trajectory.shape')
     # 1. The speed of the joints.
     speed = speed_limit(configuration)
-    # 2. Their torque: k^2 I + k V + C = +-limit.
-    torque = torque_limit(configuration)
+    # 2. Their torque: k^2 I + k V + C = a limit.
+    least, greatest = torque_limits(configuration)
     inertia, viscous, dry = torques(configuration, reference)
     with np.errstate(divide='ignore', invalid='ignore'):
         by_speed = speed / np.abs(reference.velocity)
-        upper = _least_root(inertia, viscous, dry - torque)
-        lower = _least_root(inertia, viscous, dry + torque)
-    by_torque = np.where(np.abs(dry) < torque, np.fmin(upper, lower), 0.0)
+        upper = _least_root(inertia, viscous, dry - greatest)
+        lower = _least_root(inertia, viscous, dry - least)
+    by_torque = np.where((least < dry) & (dry < greatest), np.fmin(upper, lower), 0.0)
+    torque = np.where(dry[0] > 0.0, greatest, -least)
     both = np.nan_to_num(np.minimum(by_speed, by_torque), nan=np.inf)
     k, joint = np.unravel_index(both.argmin(), both.shape)
     scale, name = float(both[k, joint]), configuration.loop.joints[joint]
@@ -85,11 +86,14 @@ def speed_limit(configuration: Configuration) -> Array:
     return limits
 
 
-def torque_limit(configuration: Configuration) -> Array:
-    """Torques that the controller or the motors do not exceed [N m], shape (n,)."""
-    motors = configuration.plant.parameters.torque_limit
-    limits: Array = np.minimum(motors, configuration.control.safety.torque_limit)
-    return limits
+def torque_limits(configuration: Configuration) -> tuple[Array, Array]:
+    """Least and greatest torque of controller and motors [N m], each shape (n,)."""
+    plant, most = configuration.plant.parameters, configuration.control.safety.torque_limit
+    back, forth = (
+        np.minimum(np.multiply(plant.torque_limit, share), most)
+        for share in (plant.torque_backward, plant.torque_forward)
+    )
+    return -back, forth
 
 
 def torques(configuration: Configuration, reference: Reference) -> tuple[Array, Array, Array]:

@@ -31,7 +31,7 @@ from parallel_robot_sim.configuration import (
     PlantConfiguration,
     assemble_plant,
 )
-from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.plant import PlantSetup, PlantState, step, unlimited
 from parallel_robot_sim.sensors_actuators import held_disturbance
 from trajectory_gen.trajectory import Trajectory
 
@@ -162,7 +162,7 @@ def smooth(plant: PlantConfiguration) -> PlantConfiguration:
     friction, disturbance = plant.load
     zero = PerJoint((0.0,) * len(plant.loop.joints))
     return plant._replace(
-        parameters=plant.parameters._replace(torque_limit=PerJoint((np.inf,) * len(zero))),
+        parameters=unlimited(plant.parameters),
         load=plant.load._replace(
             friction=friction._replace(coulomb=zero, stribeck=zero),
             disturbance=disturbance._replace(amplitude=zero),

@@ -1,7 +1,8 @@
 """A described machine in MuJoCo, made by MuJoCo from the text of the description.
 
 Of the suite it has the parameters, the posture of home and which joints are held; tree, loops and
-masses are what MuJoCo itself reads. A ball becomes three hinges, as it is in the suite.
+masses are what MuJoCo itself reads. A body that floats becomes one on three slides, a ball three
+hinges, as they are in the suite; one with a rotor stays a ball, as MuJoCo feels it.
 """
 
 from __future__ import annotations
@@ -15,12 +16,18 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.errors import InputError, optional
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
-from parallel_robot_model.mechanisms.description.machine import parsed
+from parallel_robot_model.mechanisms.description.machine import parsed, with_actuators
 from parallel_robot_model.mechanisms.description.mjcf import compiled, specification
-from parallel_robot_model.mechanisms.description.parts import BALL, WORLD, Description, Joint
+from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
+    SLIDE,
+    WORLD,
+    Description,
+    Joint,
+    slides_of,
+)
 from parallel_robot_model.mechanisms.description.tree import AXES, Tree, build
 from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.robots.described.robot import description_of
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.mujoco_model import STEP, MujocoBodies
 
@@ -41,7 +48,22 @@ class MujocoMachine(MujocoBodies):
         model, *self._tool = built(module, robot.parameters, friction_viscous, step)
         self._mechanism: Mechanism = module.mechanism(robot.parameters)
         super().__init__(model, self._mechanism.actuated)
-        self._put(module.posture(robot.parameters, np.asarray(pose)))
+        self._places = model.jnt_qposadr[model.dof_jntid[self._mechanism.actuated]]
+        self._put(self._positions(model, module.posture(robot.parameters, np.asarray(pose))))
+
+    def _positions(self, model: Any, q: Array) -> Array:
+        """Positions of all joints as MuJoCo has them, balls as quaternions."""
+        qpos, axis = np.array(model.qpos0), self._mechanism.axis
+        for i, joint in enumerate(model.dof_jntid):
+            at = model.jnt_qposadr[joint]
+            if model.jnt_type[joint] != optional('mujoco').mjtJoint.mjJNT_BALL:
+                qpos[at] = q[i]
+            elif i == model.jnt_dofadr[joint]:
+                turned = Rotation.identity()
+                for hinge in range(i, i + 3):
+                    turned = turned * Rotation.from_rotvec(q[hinge] * axis[hinge])
+                qpos[at : at + 4] = turned.as_quat(scalar_first=True)
+        return qpos
 
     @property
     def pose(self) -> Array:
@@ -58,7 +80,7 @@ class MujocoMachine(MujocoBodies):
     @property
     def motion(self) -> tuple[Array, Array]:
         """The actuated joints and their rates, each shape (n,)."""
-        return self._data.qpos[self._actuated], self._data.qvel[self._actuated]
+        return self._data.qpos[self._places], self._data.qvel[self._actuated]
 
 
 def built(
@@ -83,7 +105,7 @@ def built(
     if any(parameters.shift):
         raise InputError('shift must be zero where MuJoCo computes: its geometry is of the file')
     mujoco, mechanism = optional('mujoco'), module.mechanism(parameters)
-    description = description_of(module.text)
+    description = module.description
     root, merged = parsed(module.text, description.source)
     if root.tag != 'mujoco':
         raise InputError(f'only MJCF can be built in MuJoCo, not <{root.tag}>')
@@ -91,11 +113,11 @@ def built(
     as_drawn = compiled(spec, description.source, merged)
     tree = build(description, posture(description, parameters.home))
     bodies = {body.id: body for body in spec.bodies}
-    for part in (*spec.actuators, *spec.tendons, *spec.keys):
+    for part in (*spec.actuators, *spec.keys):
         spec.delete(part)
     balls = [joint for joint in description.joints if joint.kind == BALL]
     for joint in balls:
-        _make_hinges(spec, bodies[joint.body + 1])
+        _make_single(spec, bodies[joint.body + 1], description)
     of_file = module.machine(parameters).mechanism
     for i, link in enumerate(tree.links):
         if not _same(mechanism, of_file, i):
@@ -108,40 +130,55 @@ def built(
     spec.option.density = spec.option.viscosity = 0.0
     model = compiled(spec, description.source, merged)
     for joint in balls:
-        model.body_quat[joint.body + 1] = _at_home(description, tree, mechanism, joint)
-    _bare(model, mechanism, friction_viscous, step)
+        home = _at_home(description, tree, mechanism, joint)
+        model.body_quat[joint.body + 1] = home.as_quat(scalar_first=True)
+        for k in np.flatnonzero(model.jnt_bodyid == joint.body + 1):
+            if model.jnt_type[k] == mujoco.mjtJoint.mjJNT_SLIDE:
+                model.jnt_axis[k] = home.inv().apply(mechanism.axis[model.jnt_dofadr[k]])
+            elif model.jnt_type[k] == mujoco.mjtJoint.mjJNT_HINGE:
+                model.jnt_axis[k] = mechanism.axis[model.jnt_dofadr[k]]
+    _act(model, with_actuators(description), tree, mechanism, friction_viscous)
+    model.eq_solref[:] = SLOW * step, 1.0
+    model.eq_solimp[:] = 0.9, 0.95, 0.001, 0.5, 2.0  # of MuJoCo
     mujoco.mj_setConst(model, mujoco.MjData(model))
     model.eq_data[:] = as_drawn.eq_data  # where the file closes a loop, not where home does
     model.dof_armature[:] = mechanism.armature
+    for k in np.flatnonzero(mechanism.elements.ball.any(axis=1)):
+        model.dof_armature[k - 2 : k + 1] = mechanism.elements.ball[k].sum()
     held = np.setdiff1d(np.arange(model.nv), [*mechanism.actuated, *mechanism.passive])
+    held = held[model.jnt_type[model.dof_jntid[held]] != mujoco.mjtJoint.mjJNT_BALL]
     model.dof_armature[held] = HELD * model.stat.meaninertia
     model.body_invweight0[:] *= STIFF
     model.dof_invweight0[:] *= STIFF
     return model, *_tool(mechanism, tree)
 
 
-def _make_hinges(spec: Any, body: Any) -> None:
-    """Replace the ball of a body by three hinges."""
+def _make_single(spec: Any, body: Any, description: Description) -> None:
+    """Replace the ball of a body, or the joint that lets it float, by slides and hinges.
+
+    A ball with a rotor stays.
+    """
     (ball,) = body.joints  # MuJoCo allows no other beside it
-    name, place, armature = ball.name, np.array(ball.pos), ball.armature
+    kinds, name, place = optional('mujoco').mjtJoint, ball.name, np.array(ball.pos)
+    rotor = ball.armature and ball.type == kinds.mjJNT_BALL
+    if rotor:
+        return
     spec.delete(ball)
+    single = {joint.name: joint for joint in description.joints if joint.kind == SLIDE}
+    for slide in slides_of(name):
+        if slide in single:
+            body.add_joint(name=slide, type=kinds.mjJNT_SLIDE, axis=single[slide].axis)
+            place = np.zeros(3)
     for axis, along in zip(AXES, np.eye(3), strict=True):
-        body.add_joint(
-            name=f'{name}.{axis}',
-            type=optional('mujoco').mjtJoint.mjJNT_HINGE,
-            axis=along,
-            pos=place,
-            armature=armature,
-            ref=0.0,
-        )
+        body.add_joint(name=f'{name}.{axis}', type=kinds.mjJNT_HINGE, axis=along, pos=place)
 
 
-def _at_home(description: Description, tree: Tree, mechanism: Mechanism, ball: Joint) -> Array:
-    """Quaternion (w, x, y, z) of a body with a ball at home, seen from its parent."""
+def _at_home(description: Description, tree: Tree, mechanism: Mechanism, ball: Joint) -> Rotation:
+    """Rotation of a body with a ball at home, seen from its parent."""
     link = next(i for i, link in enumerate(tree.links) if link.joint is ball)
     parent = description.bodies[ball.body].parent
     above = np.eye(3) if parent == WORLD else tree.hosts[parent].rotation
-    return Rotation.from_matrix(above.T @ mechanism.rotation[link]).as_quat(scalar_first=True)
+    return Rotation.from_matrix(above.T @ mechanism.rotation[link])
 
 
 def _same(one: Mechanism, other: Mechanism, link: int) -> bool:
@@ -166,15 +203,47 @@ def _load(bodies: dict[int, Any], tree: Tree, link: int, first: int, mechanism: 
             body.iquat = Rotation.from_matrix(back @ axes).as_quat(scalar_first=True)
 
 
-def _bare(model: Any, mechanism: Mechanism, viscous: Sequence[float], step: float) -> None:
-    """Leave of the joints what the suite's plant has: no springs, ends or friction of the file."""
+def _act(
+    model: Any,
+    description: Description,
+    tree: Tree,
+    mechanism: Mechanism,
+    viscous: Sequence[float],
+) -> None:
+    """Let act what the suite's plant has: no ends and no dry friction, flags as the file has them.
+
+    Springs and dampers are those of the description, which has the actuators' dampers, too.
+    """
+    joints = {joint.name: joint for joint in description.joints}
     model.jnt_limited[:] = False
-    model.jnt_stiffness[:] = 0.0
-    model.dof_damping[:] = 0.0
     model.dof_frictionloss[:] = 0.0
+    model.tendon_limited[:] = False
+    model.tendon_frictionloss[:] = 0.0
+    for i, link in enumerate(tree.links):
+        joint, at = joints[link.joint.name], model.dof_jntid[i]
+        single = joint.kind != BALL
+        _write(model, 'dof_damping', i, joint.damping if single else ())
+        _write(model, 'jnt_stiffness', at, joint.stiffness if single else ())
+        if single:
+            model.qpos_spring[model.jnt_qposadr[at]] = joint.rest
     model.dof_damping[mechanism.actuated] = viscous
-    model.eq_solref[:] = SLOW * step, 1.0
-    model.eq_solimp[:] = 0.9, 0.95, 0.001, 0.5, 2.0  # of MuJoCo
+    for k, tendon in enumerate(description.tendons):
+        _write(model, 'tendon_damping', k, tendon.damping)
+        _write(model, 'tendon_stiffness', k, tendon.stiffness)
+        model.tendon_lengthspring[k] = tendon.rest
+        if tendon.armature:
+            model.tendon_armature[k] = tendon.armature
+    for i, body in enumerate(description.bodies, 1):
+        model.body_gravcomp[i] = body.lifted
+
+
+def _write(model: Any, field: str, index: int, values: Sequence[float]) -> None:
+    """Write the coefficients of a force."""
+    getattr(model, field)[index] = sum(values[:1])
+    if hasattr(model, f'{field}poly'):
+        higher = getattr(model, f'{field}poly')[index]
+        higher[:] = 0.0
+        higher[: len(values) - 1] = values[1:]
 
 
 def _tool(mechanism: Mechanism, tree: Tree) -> tuple[int, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
@@ -83,6 +84,12 @@ class PlantParameters(NamedTuple):
     integrator: Annotated[Literal['ode3', 'rk4'], Field('', 'fixed-step integrator')]
     substeps: Annotated[int, Field('', 'integration steps in one period', 1, 1000)]
     torque_limit: Annotated[PerJoint, Field('N m', 'saturation of the motors', 0.0)]
+    torque_forward: Annotated[
+        PerJoint, Field('', 'share of torque_limit that the motors have forwards', 0.0, 1.0)
+    ]
+    torque_backward: Annotated[
+        PerJoint, Field('', 'share that they have backwards; 0: they only push', 0.0, 1.0)
+    ]
     command_timeout: Annotated[
         float, Field('s', 'time without a command until the safe action (wall time)', 1e-3)
     ]
@@ -94,18 +101,35 @@ class PlantParameters(NamedTuple):
     publish_passive: Annotated[bool, Field('', 'passive joints in joint_states')]
 
 
+def unlimited(parameters: PlantParameters) -> PlantParameters:
+    """The same with motors that give what they are told to."""
+    n = len(parameters.torque_limit)
+    whole = PerJoint((1.0,) * n)
+    return parameters._replace(
+        torque_limit=PerJoint((math.inf,) * n), torque_forward=whole, torque_backward=whole
+    )
+
+
 class Stepping(NamedTuple):
     """The parameters that one step of the plant needs, as numbers."""
 
     order: int
     substeps: int
     torque_limit: tuple[float, ...]
+    forward: tuple[float, ...]  # shares of it
+    backward: tuple[float, ...]
 
 
 def stepping(parameters: PlantParameters) -> Stepping:
     """Make them from the parameters."""
     order = {'ode3': 3, 'rk4': 4}[parameters.integrator]
-    return Stepping(order, parameters.substeps, parameters.torque_limit)
+    return Stepping(
+        order,
+        parameters.substeps,
+        parameters.torque_limit,
+        parameters.torque_forward,
+        parameters.torque_backward,
+    )
 
 
 class PlantSetup(NamedTuple):
@@ -152,12 +176,14 @@ def torques(
     limit = vector(setup.stepping.torque_limit)
     if setup.hazards.on:
         limit = limited(setup.hazards, sample_at(state.time, period), limit)
-    torque = clip(command, -limit, limit)
+    greatest = vector(setup.stepping.forward) * limit
+    least = -vector(setup.stepping.backward) * limit
+    torque = clip(command, least, greatest)
     acting = torque
     if setup.imperfections.on:
         joints = setup.measure(setup.robot, state.coordinates, state.rate)
         keep_sensed(setup, joints, state.torque, state.time, period)
-        torque = driven(setup, command, limit, state.time, period)
+        torque = driven(setup, command, least, greatest, state.time, period)
         acting = torque - held_disturbance(setup, joints.position, state.time, period)
     return torque, acting
 

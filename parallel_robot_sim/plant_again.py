@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +14,7 @@ from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
 from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
 from parallel_robot_sim.imperfections import ActuatorParameters
-from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.plant import PlantSetup, PlantState, step, unlimited
 from parallel_robot_sim.sensors_actuators import sensed
 from trajectory_gen.trajectory import Reference
 
@@ -103,7 +102,7 @@ def under_torques(configuration: PlantConfiguration, effort: Array, reference: R
     ideal = ActuatorParameters(none, none, none, 0.0, 0.0, whole, none, 0.0)
     plant = assemble_plant(
         configuration._replace(
-            parameters=configuration.parameters._replace(torque_limit=PerJoint((math.inf,) * n)),
+            parameters=unlimited(configuration.parameters),
             imperfections=configuration.imperfections._replace(actuator=ideal),
         )
     )

@@ -127,7 +127,9 @@ EARLY = 1e-6  # of a period, by which a time may be missed by rounding
 
 
 @kernel
-def driven(setup: Any, command: Array, limit: Array, time: float, period: float) -> Array:
+def driven(
+    setup: Any, command: Array, least: Array, greatest: Array, time: float, period: float
+) -> Array:
     """Mean torque of the motors over a period [N m], shape (n,).
 
     The lag is of first order, so with the command u held over a period h and time constant T
@@ -137,7 +139,8 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
     Args:
         setup: PlantSetup with imperfections.
         command: Commanded torque [N m], shape (n,).
-        limit: Saturation of the motors [N m], shape (n,).
+        least: Lower saturation of the motors [N m], shape (n,).
+        greatest: The upper one [N m], shape (n,).
         time: Start of the period, since the start of the run [s].
         period: Length of the period [s].
     """
@@ -151,7 +154,7 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
         asked = newest(
             setup, COMMAND, OF_COMMANDS, sample, command, zero, motors.delay, motors.jitter, period
         )
-    asked = clip(rounded(asked, vector(motors.resolution)), -limit, limit)
+    asked = clip(rounded(asked, vector(motors.resolution)), least, greatest)
     # 2. The lag.
     before = zero
     if sample > 0:
@@ -165,7 +168,7 @@ def driven(setup: Any, command: Array, limit: Array, time: float, period: float)
     torque = torque + vector(motors.noise) * noise
     failed = sample >= motors.fault_time / period - EARLY
     faulty = vector(motors.effectiveness) * torque + vector(motors.bias)
-    return clip(select(failed, faulty, torque), -limit, limit)
+    return clip(select(failed, faulty, torque), least, greatest)
 
 
 @inner

@@ -43,10 +43,14 @@ def saturation(values: Mapping[str, Any], effort: np.ndarray) -> list[str]:
 
 def saturated(values: Mapping[str, Any], effort: np.ndarray) -> np.ndarray:
     """At which samples the motors gave all they can, shape (N,); see :func:`saturation`."""
-    limit = np.asarray(values['plant.torque_limit'], np.float64)
+    limit, forward, backward = (
+        np.asarray(values[f'plant.torque_{each}'], np.float64)
+        for each in ('limit', 'forward', 'backward')
+    )
     if limit.size not in (1, effort.shape[1]):  # of a bag; such a plant cannot be built
         return np.zeros(len(effort), bool)
-    reached: np.ndarray = (np.abs(effort) >= limit).any(axis=1)
+    at_end = (effort >= forward * limit) | (effort <= -backward * limit)
+    reached: np.ndarray = (at_end & (effort != 0.0)).any(axis=1)
     return reached
 
 

@@ -17,6 +17,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     SLIDE,
     TURN,
     Mechanism,
+    elements,
 )
 from parallel_robot_model.mechanisms.workspace import boxed
 
@@ -80,6 +81,7 @@ def machine(model, home=None, coordinate=(), length=1.0):
     mechanism = Mechanism(
         **joints,
         gravity=model.opt.gravity.copy(),
+        elements=elements(model.nv),
         **closures,
         actuated=actuated,
         passive=np.setdiff1d(np.arange(model.nv), actuated),

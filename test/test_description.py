@@ -416,7 +416,7 @@ def test_inactive_equalities_and_tendons_are_told():
     assert bar.passive == () and any('is not active' in doubt for doubt in bar.doubts)
     text = ARM.replace('<motor joint="slide"/>', '<motor name="t" tendon="t"/>').replace(
         '</worldbody>', '</worldbody><tendon><fixed name="t"><joint joint="slide" coef="1"/>'
-        '</fixed></tendon>')  # fmt: skip
+        '<joint joint="pan" coef="1"/></fixed></tendon>')  # fmt: skip
     arm = made(text, held=['slide', *BALL])
     assert 'actuators that drive no single joint are left out: t' in arm.doubts
 

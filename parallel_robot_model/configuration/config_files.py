@@ -124,6 +124,7 @@ def flat(tree: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
 # Descriptions of machines, whose text takes the place of the name of their file.
 
 MODEL, DESCRIPTION = 'robot_model', 'robot_description'
+COMPILED = 'robot_compiled'  # beside the text of a shipped machine, and in bags
 ROBOT_SUFFIXES = ('.xml', '.mjcf', '.urdf', '.sdf', '.xacro')
 MACHINES = 'machines'  # of the shipped ones, in config/
 
@@ -147,8 +148,11 @@ def _with_machine(values: Placed) -> Placed:
     if not isinstance(model, str) or values.get(DESCRIPTION):
         return values
     stands = values.places.get(MODEL)
+    compiled = ''
     if not is_robot_path(model):
-        text = robot_file.text_of(machine_path(model)) if model in shipped_machines() else ''
+        path = machine_path(model)
+        if text := robot_file.text_of(path) if model in shipped_machines() else '':
+            compiled = yaml_file.text(path.with_suffix('.json'))
         name = model
     else:
         with locating(values):
@@ -161,7 +165,9 @@ def _with_machine(values: Placed) -> Placed:
             if name in taken and path.resolve() != machine_path(name).resolve():
                 what = f'there is already a robot {name}; rename the file'
                 raise InputError(f'{MODEL}: {path}: {what}', MODEL)
-    entries = {MODEL: name, DESCRIPTION: text}
+            if name in taken:
+                compiled = yaml_file.text(path.with_suffix('.json'))
+    entries = {MODEL: name, DESCRIPTION: text, COMPILED: compiled}
     return values | Placed(entries, dict.fromkeys(entries, stands) if stands else {})
 
 

@@ -34,6 +34,10 @@ class LoopParameters(NamedTuple):
     robot_description: Annotated[
         str, Field('', 'text of the description of the robot (MJCF, URDF), if it has one')
     ]
+    robot_compiled: Annotated[
+        str,
+        Field('', 'what MuJoCo made of it, if it is MJCF; empty: it is compiled'),
+    ]
     custom_laws: Annotated[
         tuple[str, ...], Field('', 'files of custom laws: Python, a C library, an FMU')
     ]

@@ -2,7 +2,7 @@
 
 With M and C of the open tree, Mdot - 2 C skew-symmetric, and W, the rates of all joints by those
 of the actuated ones: M = W^T M W, Q = W^T (C W + M dW/dt), gravity = W^T g. Mdot - 2 Q is then
-skew-symmetric, too.
+skew-symmetric, too. `gravity` has the passive forces of springs and dampers, too.
 
 Source:
     Echeandia, Wensing (2021), Numerical methods to compute the Coriolis matrix and Christoffel
@@ -28,6 +28,12 @@ from parallel_robot_model.mechanisms.closures import (
     move,
 )
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HELD, Index, Mechanism
+from parallel_robot_model.mechanisms.passive import (
+    add_bias,
+    add_coriolis,
+    add_inertia,
+    add_loads,
+)
 from parallel_robot_model.mechanisms.spatial import (
     Triple,
     clear_matrix,
@@ -145,7 +151,7 @@ def model(
         velocity: Rates of the actuated joints [rad/s or m/s], shape (n,).
         M: Inertia matrix [kg m^2, kg m or kg], shape (n, n).
         Q: Coriolis and centrifugal matrix, shape (n, n); Mdot - 2 Q is skew-symmetric.
-        gravity: Torque or force that holds the machine still [N m or N], shape (n,).
+        gravity: Torque or force against gravity, springs and dampers [N m or N], shape (n,).
     """
     joint_rates(mechanism, workspace, velocity)
     motions(mechanism, workspace, workspace.rate)
@@ -153,6 +159,10 @@ def model(
     place_bodies(mechanism, workspace)
     place_momenta(workspace)
     _products(mechanism, workspace)
+    add_loads(mechanism, workspace)
+    add_inertia(mechanism, workspace, workspace.W, workspace.MW)
+    add_inertia(mechanism, workspace, workspace.W_rate, workspace.QW)
+    add_coriolis(mechanism, workspace)
     reduce_matrix(mechanism, workspace, workspace.MW, M)
     for a in range(len(M)):
         for b in range(a):
@@ -268,10 +278,13 @@ def free_acceleration(
     move(mechanism, workspace, velocity)
     place_bodies(mechanism, workspace)
     _forces(mechanism, workspace)
+    add_loads(mechanism, workspace)
+    add_bias(mechanism, workspace)
     reduce_vector(mechanism, workspace, workspace.load, out)
     for j in range(len(out)):
         out[j] = torque[j] - out[j]
     _free_products(mechanism, workspace)
+    add_inertia(mechanism, workspace, workspace.W, workspace.MW)
     reduce_matrix(mechanism, workspace, workspace.MW, workspace.inertia_matrix)
     solve_symmetric(workspace.inertia_matrix, out)
 

@@ -180,11 +180,31 @@ def margins(mechanism: Mechanism, workspace: Workspace) -> tuple[float, float]:
 
 
 @inner
-def travel_left(travel: Array, q: Array) -> float:
-    """Smallest distance to an end of travel [rad or m], shapes (2, n) and (n,)."""
-    left = np.inf
+def travel_left(mechanism: Mechanism, workspace: Workspace, travel: Array, q: Array) -> float:
+    """Smallest distance to an end of travel [rad or m], passive joints and tendons included.
+
+    Args:
+        mechanism: The mechanism.
+        workspace: Its workspace, at the closed posture.
+        travel: Lower and upper ends of the actuated joints [rad or m], shape (2, n).
+        q: Their positions [rad or m], shape (n,).
+    """
+    left = passive_travel_left(mechanism, workspace)
     for j in range(len(q)):
         left = min(left, q[j] - travel[0, j], travel[1, j] - q[j])
+    return left
+
+
+@inner
+def passive_travel_left(mechanism: Mechanism, workspace: Workspace) -> float:
+    """Smallest distance to an end of the lengths of its elements, infinite where there is none."""
+    elements, left = mechanism.elements, np.inf
+    for k in range(len(elements.ratio)):
+        if elements.travel[k, 0] > -np.inf or elements.travel[k, 1] < np.inf:
+            length = 0.0
+            for j in range(len(workspace.all)):
+                length += elements.ratio[k, j] * workspace.all[j]
+            left = min(left, length - elements.travel[k, 0], elements.travel[k, 1] - length)
     return left
 
 
@@ -340,7 +360,7 @@ def _note(
     for i in range(length):
         posture[i] = workspace.all[i]
     found[0], found[1] = margins(mechanism, workspace)
-    found[2] = travel_left(travel, workspace.q)
+    found[2] = travel_left(mechanism, workspace, travel, workspace.q)
     return bool(found[2] >= 0.0)
 
 

@@ -30,6 +30,31 @@ POINT, TURN, COUPLING = 0, 1, 2  # kinds of closures
 BASE = -1  # in place of a joint: what does not move
 
 
+class Elements(NamedTuple):
+    """What acts in a mechanism of N joints along T lengths, see `mechanisms.passive`."""
+
+    lifted: Array  # mass whose weight is taken off each body [kg], shape (N,)
+    lifted_at: Array  # its centre in the frame of the joint [m], shape (N, 3)
+    # rotor of the ball whose last hinge a joint is, as felt at the relative rate of its bodies,
+    # and as felt where the ball may spin freely about that hinge [kg m^2], shape (N, 2)
+    ball: Array
+    ratio: Array  # share of each joint in the lengths, shape (T, N)
+    rest: Array  # lengths between which the spring is slack [rad or m], shape (T, 2)
+    stiffness: Array  # coefficients of the spring [N m/rad or N/m, ...], shape (T, 3)
+    damping: Array  # coefficients of the damper [N m s/rad or N s/m, ...], shape (T, 3)
+    armature: Array  # inertia that the rate of the length meets [kg m^2 or kg], shape (T,)
+    travel: Array  # ends of the length [rad or m], infinite where there is none, shape (T, 2)
+
+
+def elements(joints: int, lengths: int = 0) -> Elements:
+    """Elements that do nothing, of a mechanism of N joints along T lengths."""
+    N, T = joints, lengths
+    shapes = (N,), (N, 3), (N, 2), (T, N), (T, 2), (T, 3), (T, 3), (T,), (T, 2)
+    found = Elements(*map(np.zeros, shapes))
+    found.travel[:] = -np.inf, np.inf
+    return found
+
+
 class Mechanism(NamedTuple):
     """A mechanism of N joints, r closures, n actuated joints and m coordinates of its tool.
 
@@ -48,6 +73,7 @@ class Mechanism(NamedTuple):
     inertia: Array  # about the centre of mass in its frame [kg m^2], shape (N, 3, 3)
     armature: Array  # inertia of its rotor, as felt at the joint [kg m^2 or kg], shape (N,)
     gravity: Array  # acceleration of gravity in the world [m/s^2], shape (3,)
+    elements: Elements  # springs, dampers, rotors and lifts beside these
     # kind of each closure, shape (r,). POINT: a component of the distance between a point on
     # joint a and one on joint b is zero; TURN: a component of the rotation from one to the
     # other is; COUPLING: position of joint a = offset + ratio * position of b

@@ -214,7 +214,7 @@ def module_of(loop: LoopParameters) -> Robot:
     if loop.robot_description:
         from parallel_robot_model.robots.described.robot import described  # it takes long to load
 
-        return described(loop.robot_description)
+        return described(loop.robot_description, loop.robot_compiled)
     known, name = robots(loop.custom_robots), loop.robot_model
     if name not in known:
         raise UnknownNameError('robot_model', name, known, 'robot_model')

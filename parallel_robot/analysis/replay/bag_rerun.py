@@ -29,7 +29,7 @@ from parallel_robot_model.messages.topics import SLOW
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 BASE = 'paper_circle'  # of a scenario that is not shipped
-ROBOT = ('robot_model', 'robot_description')
+ROBOT = ('robot_model', 'robot_description', 'robot_compiled')
 MODULES = (*ROBOT, *sorted(config.CUSTOM))  # keys that decide which other keys there are
 MADE_BY = ('version', 'revision')  # facts that say which code made a bag
 NO_EXPERIMENT = (

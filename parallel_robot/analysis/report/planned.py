@@ -12,7 +12,7 @@ from parallel_robot.analysis.report.looks import add_lines, add_path, joint_labe
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.fastest import speed_limit, torque_limit, torques
+from parallel_robot_sim.fastest import speed_limit, torque_limits, torques
 from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference
 
@@ -44,6 +44,7 @@ def figure_of_motion(configuration: Configuration) -> Any:
         _draw_in_plane(path[0], robot, reference)
     with np.errstate(invalid='ignore'):  # where the robot does not reach
         torque = np.sum(torques(configuration, reference), axis=0)
+    least, greatest = torque_limits(configuration)
     rows_of = (
         (first, reference.position, None, units.label('position [rad]'), 'Joint positions'),
         (
@@ -56,7 +57,7 @@ def figure_of_motion(configuration: Configuration) -> Any:
         (
             third,
             torque,
-            torque_limit(configuration),
+            np.maximum(-least, greatest),
             units.label('torque [N m]'),
             units.label('Torques'),
         ),

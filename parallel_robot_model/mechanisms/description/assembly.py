@@ -10,7 +10,17 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import UnknownNameError
 from parallel_robot_model.common.units import Array, rounded
-from parallel_robot_model.mechanisms.description.parts import BALL, Description, Frame, Loop
+from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
+    UNLIMITED,
+    Description,
+    Frame,
+    Joint,
+    Loop,
+    Tendon,
+    null_space,
+    rank,
+)
 from parallel_robot_model.mechanisms.description.tree import (
     AXES,
     Freedoms,
@@ -27,8 +37,10 @@ from parallel_robot_model.mechanisms.mechanism import (
     POINT,
     SLIDE,
     TURN,
+    Elements,
     Index,
     Mechanism,
+    elements,
 )
 
 # The equations that close the loops of a tree, and how well a posture meets them.
@@ -219,6 +231,28 @@ class Inertia(NamedTuple):
     inertia: Array  # about them in these frames [kg m^2], shape (N, 3, 3)
 
 
+def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
+    """The same, where the last hinge of a ball with a rotor is that about which it may spin."""
+    links = list(parts.tree.links)
+    free = [i for i in range(len(links)) if i not in freedoms.actuated]
+    motion = np.zeros((len(links), 0))
+    if freedoms.held:
+        null = null_space(parts.closures()[:, free])
+        motion = np.zeros((len(links), null.shape[1]))
+        motion[free] = null
+    for i, link in enumerate(links):
+        if link.joint.kind != BALL or not link.joint.armature or not link.name.endswith(AXES[0]):
+            continue
+        if rank(motion[i : i + 3]) == 1:
+            spin = np.linalg.svd(motion[i : i + 3])[0][:, 0]
+            spin *= np.sign(spin[np.argmax(np.abs(spin))])
+            first = np.cross(np.eye(3)[np.argmin(np.abs(spin))], spin)
+            first /= np.linalg.norm(first)
+            for step, axis in enumerate((first, np.cross(spin, first), spin)):
+                links[i + step] = links[i + step]._replace(axis=axis, spins=True)
+    return parts._replace(tree=parts.tree._replace(links=tuple(links)))
+
+
 def assembled(description: Description, tree: Tree, at: Posture) -> Assembly:
     """A tree in a posture, its loops still open, without a tool.
 
@@ -268,8 +302,9 @@ def as_mechanism(
     freedoms: Freedoms,
     inertia: Inertia,
     coordinate: tuple[int, ...],
+    factor: float,
 ) -> Mechanism:
-    """The value that kernels take."""
+    """The value that kernels take; `factor` is that of all masses."""
     links = parts.tree.links
     chosen = [parts.equations[i] for i in freedoms.rows]
     tool = parts.tool.frame
@@ -285,8 +320,9 @@ def as_mechanism(
         mass=inertia.mass,
         centre=inertia.centre,
         inertia=inertia.inertia,
-        armature=_array(link.joint.armature for link in links),
+        armature=_array(0.0 if link.joint.kind == BALL else link.joint.armature for link in links),
         gravity=np.array(description.gravity, dtype=float),
+        elements=_elements(description, parts, freedoms, factor),
         closure=_index(e.kind for e in chosen),
         first=_index(e.first.body for e in chosen),
         second=_index(e.second.body for e in chosen),
@@ -306,6 +342,54 @@ def as_mechanism(
         coordinate=_index(coordinate),
         length=parts.length,
     )
+
+
+def _elements(
+    description: Description, parts: Assembly, freedoms: Freedoms, factor: float
+) -> Elements:
+    """Springs, dampers, rotors and lifts; travel of joints that are not actuated."""
+    links, N = parts.tree.links, len(parts.tree.links)
+    tendons = [
+        *(_own(link.joint, i in freedoms.actuated) for i, link in enumerate(links)
+          if i not in freedoms.held and link.joint.kind != BALL),
+        *description.tendons,
+    ]  # fmt: skip
+    tendons = [each for each in tendons if _acts(each)]
+    found = elements(N, len(tendons))
+    index = {link.name: i for i, link in enumerate(links)}
+    for k, tendon in enumerate(tendons):
+        for name, ratio in tendon.ratios.items():
+            found.ratio[k, index[name]] = ratio
+        found.rest[k], found.armature[k] = tendon.rest, tendon.armature
+        found.stiffness[k, : len(tendon.stiffness)] = tendon.stiffness
+        found.damping[k, : len(tendon.damping)] = tendon.damping
+        found.travel[k] = tendon.lower, tendon.upper
+    for i, link in enumerate(links):
+        if link.joint.kind == BALL and link.name.endswith(AXES[-1]):
+            found.ball[i, int(link.spins)] = link.joint.armature
+    for body, host in zip(description.bodies, parts.tree.hosts, strict=True):
+        if body.lifted and host.body != BASE:
+            i, mass = host.body, factor * body.mass * body.lifted
+            centre, whole = host.position + host.rotation @ body.centre, found.lifted[i] + mass
+            found.lifted_at[i] += (centre - found.lifted_at[i]) * (mass / whole if whole else 0.0)
+            found.lifted[i] = whole
+    return found
+
+
+def _acts(tendon: Tendon) -> bool:
+    """Whether it does anything but rub."""
+    ends = np.isfinite([tendon.lower, tendon.upper])
+    return any((*tendon.damping, *tendon.stiffness, tendon.armature, *ends))
+
+
+def _own(joint: Joint, actuated: bool) -> Tendon:
+    """What acts in a joint, as a tendon; the linear friction of actuated ones is the plant's."""
+    damping = (0.0, *joint.damping[1:]) if actuated else joint.damping
+    ends = UNLIMITED if actuated or joint.lower >= joint.upper else (joint.lower, joint.upper)
+    return Tendon(
+        joint.name, {joint.name: 1.0}, *ends, damping=damping, stiffness=joint.stiffness,
+        rest=(joint.rest, joint.rest),
+    )  # fmt: skip
 
 
 def _index(values: Iterable[int]) -> Index:

@@ -13,6 +13,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly, Equation, Tool
 from parallel_robot_model.mechanisms.description.home import doubted
 from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
     WORLD,
     Description,
     Frame,
@@ -171,12 +172,17 @@ def told(
     joints = {links[i].joint.name: links[i].joint for i in freedoms.passive}.values()
     if stiff := [joint.name for joint in joints if joint.armature]:
         yield f'passive joints with armature: {listed(stiff)}'
-    if rough := [joint.name for joint in joints if any(joint.damping) or joint.coulomb]:
-        yield f'friction of passive joints is left out: {listed(rough)}'
+    if rough := [f'{joint.name} ({joint.coulomb:.3g})' for joint in joints if joint.coulomb]:
+        yield f'dry friction of passive joints [N m or N] is left out: {listed(rough)}'
     ends = {i: (links[i].joint.lower, links[i].joint.upper) for i in freedoms.actuated}
     if none := [links[i].name for i, (lower, upper) in ends.items() if lower >= upper]:
         yield f'travel without an extent is taken for none: {listed(none)}'
     yield from _of_units(parts, ends)
+    ends |= {
+        i: (links[i].joint.lower, links[i].joint.upper)
+        for i in freedoms.passive
+        if links[i].joint.kind != BALL
+    }
     out = [
         f'{links[i].name} at {parts.home[i]:.4g}'
         for i, (lower, upper) in ends.items()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -21,6 +20,7 @@ from parallel_robot_model.mechanisms.description.assembly import (
     assembled,
     named,
     rebased,
+    with_spins,
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
 from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, told
@@ -33,11 +33,14 @@ from parallel_robot_model.mechanisms.description.home import (
 )
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
+    SLIDE,
     Body,
     Description,
     Frame,
+    added,
     check_bounds,
     listed,
+    slides_of,
 )
 from parallel_robot_model.mechanisms.description.tree import (
     Freedoms,
@@ -179,6 +182,8 @@ class Machine(NamedTuple):
     units: tuple[str, ...]  # of the actuated joints, ``'rad'`` or ``'m'``
     viscous: tuple[float, ...]  # viscous friction of the actuated joints [N m s/rad or N s/m]
     coulomb: tuple[float, ...]  # their dry friction [N m or N]
+    lag: tuple[float, ...]  # time constants of their torques [s]
+    delay: float  # of commands [s]
     lower: tuple[float, ...]  # ends of their travel [rad or m]; infinite if there is none
     upper: tuple[float, ...]  # the others
     # their least and greatest torques or forces [N m or N]; infinite if there is none
@@ -219,7 +224,7 @@ def machine(
             joints as freedoms, or the masses make no positive definite inertia matrix.
     """
     _check_names(description)
-    description = _with_actuators(description)
+    description = with_actuators(description)
     at = posture(description, home)
     tree = build(description, at)
     names = tuple(link.name for link in tree.links)
@@ -244,6 +249,10 @@ def machine(
     found = named(description, tree, tool) if tool else guessed(description, parts, driven)
     motion, closures = parts.motion_of(found.frame), parts.closures()
     freedoms = divide(description.source, names, closures, motion, driven, stopped)
+    parts = with_spins(parts, freedoms)
+    if any(link.spins for link in parts.tree.links):
+        motion, closures = parts.motion_of(found.frame), parts.closures()
+        freedoms = divide(description.source, names, closures, motion, driven, stopped)
     exact = polished(parts, freedoms.rows, freedoms.passive)
     parts = parts._replace(home=exact, tool=found)
     inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
@@ -251,8 +260,9 @@ def machine(
     chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
     joints = [links[i].joint for i in freedoms.actuated]
+    times = [_times(description, joint.name) for joint in joints]
     return Machine(
-        mechanism=as_mechanism(description, parts, freedoms, inertia, chosen),
+        mechanism=as_mechanism(description, parts, freedoms, inertia, chosen, mass_factor),
         names=names,
         actuated=tuple(names[i] for i in freedoms.actuated),
         passive=tuple(names[i] for i in freedoms.passive),
@@ -260,6 +270,8 @@ def machine(
         units=tuple('rad' if links[i].kind == HINGE else 'm' for i in freedoms.actuated),
         viscous=tuple(sum(joint.damping[:1]) for joint in joints),
         coulomb=tuple(joint.coulomb for joint in joints),
+        lag=tuple(lag for lag, _ in times),
+        delay=max((delay for _, delay in times), default=0.0),
         lower=tuple(-np.inf if joint.lower >= joint.upper else joint.lower for joint in joints),
         upper=tuple(np.inf if joint.lower >= joint.upper else joint.upper for joint in joints),
         least_effort=tuple(joint.effort[0] for joint in joints),
@@ -278,23 +290,32 @@ def machine(
     )
 
 
-def _with_actuators(description: Description) -> Description:
+def with_actuators(description: Description) -> Description:
     """The same with the rotors, damping and limits of actuators at the joints that they drive."""
     joints = {joint.name: joint for joint in description.joints}
     efforts: dict[str, Array] = {}
     for each in description.actuators:
         joint = joints[each.joint]
-        sums = zip_longest(joint.damping, each.damping, fillvalue=0.0)
         joints[each.joint] = joint._replace(
             armature=joint.armature + each.armature,
-            damping=tuple(one + other for one, other in sums),
+            damping=added(joint.damping, each.damping),
         )
         efforts[each.joint] = efforts.get(each.joint, np.zeros(2)) + each.effort
+    for tendon in description.tendons:  # the friction of one that is of one joint is that joint's
+        for name, ratio in tendon.ratios.items() if len(tendon.ratios) == 1 else ():
+            coulomb = joints[name].coulomb + abs(ratio) * tendon.coulomb
+            joints[name] = joints[name]._replace(coulomb=coulomb)
     for name, (least, greatest) in efforts.items():
         low, high = joints[name].effort
         limits = max(low, float(least)), min(high, float(greatest))
         joints[name] = joints[name]._replace(effort=limits)
     return description._replace(joints=tuple(joints.values()))
+
+
+def _times(description: Description, joint: str) -> tuple[float, float]:
+    """The greatest lag and delay of what drives a joint [s]."""
+    own = [(each.lag, each.delay) for each in description.actuators if each.joint == joint]
+    return max((lag for lag, _ in own), default=0.0), max((late for _, late in own), default=0.0)
 
 
 def _by_file(description: Description) -> Sequence[str]:
@@ -327,6 +348,24 @@ def _indices(names: tuple[str, ...], wanted: Sequence[str], description: Descrip
     if len(set(found)) < len(found):
         raise InputError(f'joints stand twice in {listed(wanted)}')
     return found
+
+
+def _check_floating(description: Description) -> None:
+    """Refuse bodies that float, with what they carry, and that no loop holds."""
+    slides = {joint.name for joint in description.joints if joint.kind == SLIDE}
+    for joint in description.joints:
+        if joint.kind != BALL or not slides.issuperset(slides_of(joint.name)):
+            continue
+        carried = {joint.body}
+        for i, body in enumerate(description.bodies):
+            if body.parent in carried:
+                carried.add(i)
+        ends = ((loop.first.body, loop.second.body) for loop in description.loops)
+        if all((one in carried) == (other in carried) for one, other in ends):
+            raise InputError(
+                f'{description.source}: body {printable(description.bodies[joint.body].name)!r} '
+                'floats, and no loop holds it; a robot must be fixed to the world'
+            )
 
 
 def _check_names(description: Description) -> None:
@@ -365,6 +404,7 @@ def read(text: str, source: str = 'description') -> Description:
         else:
             description = READERS[str(root.tag)](root, source)
     check_bounds(description)
+    _check_floating(description)
     return description
 
 

@@ -6,8 +6,8 @@ import contextlib
 import math
 import re
 import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.configuration.robot_file import Node, children, refused
+from parallel_robot_model.mechanisms.description.mjcf_fields import unread
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     HINGE,
@@ -28,7 +29,11 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
+    Tendon,
+    added,
+    floating,
     listed,
+    slides_of,
 )
 
 # MJCF before MuJoCo compiles it: nothing that needs files, nothing that fills the memory.
@@ -46,6 +51,7 @@ DROPPED = {
     'extension', 'plugin',
 }  # fmt: skip
 REFERENCES = ('material', 'fitscale')  # of shapes to assets
+TORQUE_SCALE = 10  # where the numbers of a weld have it
 NAMES = {'name', 'class', 'childclass', 'model', 'joint', 'site', 'body', 'group'}
 COPIES = 1000  # of bodies that <replicate> may make
 
@@ -183,56 +189,143 @@ def _reason(text: str, merged: bool) -> str:
     return printable(re.sub(r',? line \d+', '', text) if merged else text)
 
 
-# Which joints the actuators of MJCF drive, and how strong they are.
+# What drives joints, how strong it is, and what its rotor adds.
 
 
-def actuators(model: Any, joints: Sequence[str], doubts: list[str]) -> list[Actuator]:
-    """The actuators of hinges and slides.
+class _Drive(NamedTuple):
+    """An actuator of MuJoCo and what it acts on."""
 
-    Args:
-        model: A compiled model.
-        joints: Names of its joints.
-        doubts: Where to tell of servos, and of actuators that drive something else.
-    """
-    mujoco = optional('mujoco')
-    kinds = mujoco.mjtTrn
-    found, servos, others = [], [], []
-    for i in range(len(model.actuator_trntype)):
-        name = str(model.actuator(i).name) or f'actuator_{i}'
-        joint = int(model.actuator_trnid[i, 0])
-        on_joint = int(model.actuator_trntype[i]) in (
-            kinds.mjTRN_JOINT,
-            kinds.mjTRN_JOINTINPARENT,
+    actuator: Actuator  # with the name of a joint; empty: it drives no single one
+    tendon: int  # index of a fixed tendon that it pulls, or -1
+    motor: bool  # whether its control is a force
+
+
+class _Drives:
+    """The actuators of a compiled model."""
+
+    def __init__(self, model: Any, joints: Sequence[str], source: str) -> None:
+        self._model, self._joints, self._source = model, joints, source
+        self._mujoco = optional('mujoco')
+
+    def read(self, doubts: list[str]) -> tuple[list[Actuator], list[_Drive]]:
+        """What drives joints, and what pulls tendons that are of several joints."""
+        model = self._model
+        count = len(model.actuator_trntype)
+        names = [str(model.actuator(i).name) or f'actuator_{i}' for i in range(count)]
+        off = {i for i in range(count) if self._is_off(i)}
+        if off:
+            doubts.append(f'actuators are switched off by the file: {_of(names, off)}')
+        drives = {i: self._drive(i, names[i]) for i in range(count) if i not in off}
+        names = [drives[i].actuator.name if i in drives else name for i, name in enumerate(names)]
+        driven = {i: drive for i, drive in drives.items() if drive.actuator.joint}
+        moved = {drive.actuator.joint for drive in driven.values() if drive.motor}
+        others = drives.keys() - driven.keys()
+        beside = {
+            i for i, drive in driven.items() if not drive.motor and drive.actuator.joint in moved
+        }
+        servos = {i for i, drive in driven.items() if not drive.motor} - beside
+        if others:
+            what = 'actuators that drive no single joint are left out'
+            doubts.append(f'{what}: {_of(names, others)}')
+        if beside:
+            doubts.append(f'servos beside motors are left out: {_of(names, beside)}')
+        if servos:
+            what = 'servos are taken for motors, their gains left out'
+            doubts.append(f'{what}: {_of(names, servos)}')
+        found = [
+            drive.actuator._replace(effort=(0.0, 0.0)) if i in beside else drive.actuator
+            for i, drive in driven.items()
+        ]
+        return found, [drives[i] for i in sorted(others) if drives[i].tendon >= 0]
+
+    def _is_off(self, index: int) -> bool:
+        model = self._model
+        group = int(model.actuator_group[index])
+        off = model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+        return bool(off) or (0 <= group <= 30 and bool(model.opt.disableactuator >> group & 1))
+
+    def _drive(self, index: int, name: str) -> _Drive:
+        model, kinds = self._model, self._mujoco.mjtTrn
+        kind, target = int(model.actuator_trntype[index]), int(model.actuator_trnid[index, 0])
+        gear = float(model.actuator_gear[_address(model, 'out', index), 0])
+        joint, tendon = -1, -1
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            joint = target
+        elif kind == kinds.mjTRN_TENDON:
+            tendon = target
+            first, many = int(model.tendon_adr[target]), int(model.tendon_num[target])
+            if many == 1:
+                joint, gear = int(model.wrap_objid[first]), gear * float(model.wrap_prm[first])
+        balls = self._mujoco.mjtJoint.mjJNT_BALL, self._mujoco.mjtJoint.mjJNT_FREE
+        if joint >= 0 and int(model.jnt_type[joint]) in balls:
+            joint = -1
+        rotor = float(getattr(model, 'actuator_armature', np.zeros(index + 1))[index])
+        if rotor and joint < 0 and tendon < 0:
+            raise InputError(
+                f'{self._source}: actuator {printable(name)!r} has armature behind a transmission '
+                'to no joint and no fixed tendon: its inertia is not known here'
+            )
+        low, high = sorted(gear * limit if gear else 0.0 for limit in self._forces(index))
+        own = str(model.actuator(index).name)
+        actuator = Actuator(
+            name=own or (self._joints[joint] if joint >= 0 else name),
+            joint=self._joints[joint] if joint >= 0 else '',
+            effort=(low, high) if gear else (-math.inf, math.inf),
+            armature=gear**2 * rotor,
+            damping=tuple(gear**2 * x for x in _polynomial(model, 'actuator_damping', index)),
+            lag=float(model.actuator_dynprm[index, 0]) if self._is_filter(index) else 0.0,
+            delay=float(getattr(model, 'actuator_delay', np.zeros(index + 1))[index]),
         )
-        if not on_joint or int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_BALL:
-            others.append(name)
-            continue
-        name = str(model.actuator(i).name) or joints[joint]
-        if int(model.actuator_biastype[i]) != mujoco.mjtBias.mjBIAS_NONE:
-            servos.append(name)
-        greatest = _effort(mujoco, model, i)
-        found.append(Actuator(name, joints[joint], (-greatest, greatest)))
-    if servos:
-        doubts.append(f'servos are taken for motors, their gains left out: {listed(servos)}')
-    if others:
-        doubts.append(f'actuators that drive no single joint are left out: {listed(others)}')
-    return found
+        return _Drive(actuator, tendon, self._is_motor(index))
+
+    def _is_filter(self, index: int) -> bool:
+        kinds = self._mujoco.mjtDyn
+        filters = kinds.mjDYN_FILTER, kinds.mjDYN_FILTEREXACT
+        return int(self._model.actuator_dyntype[index]) in filters
+
+    def _is_motor(self, index: int) -> bool:
+        model, mujoco = self._model, self._mujoco
+        still = int(model.actuator_dyntype[index]) == mujoco.mjtDyn.mjDYN_NONE
+        return (
+            int(model.actuator_gaintype[index]) == mujoco.mjtGain.mjGAIN_FIXED
+            and int(model.actuator_biastype[index]) == mujoco.mjtBias.mjBIAS_NONE
+            and (still or self._is_filter(index))
+        )
+
+    def _forces(self, index: int) -> tuple[float, float]:
+        """Least and greatest force before the gear."""
+        model, ranges = self._model, []
+        if model.actuator_forcelimited[index]:
+            ranges.append(model.actuator_forcerange[index])
+        gain, control = float(model.actuator_gainprm[index, 0]), _address(model, 'ctrl', index)
+        clamped = not model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        if self._is_motor(index):
+            if model.actuator_ctrllimited[control] and clamped:
+                ranges.append(np.sort(gain * model.actuator_ctrlrange[control]))
+            if model.actuator_actlimited[index] and self._is_filter(index):
+                ranges.append(np.sort(gain * model.actuator_actrange[index]))
+        return (
+            max((float(each[0]) for each in ranges), default=-math.inf),
+            min((float(each[1]) for each in ranges), default=math.inf),
+        )
 
 
-def _effort(mujoco: Any, model: Any, index: int) -> float:
-    """Greatest torque or force of an actuator at its joint."""
-    gear = abs(float(model.actuator_gear[index, 0]))
-    limits = [math.inf]
-    if model.actuator_forcelimited[index]:
-        limits.append(float(np.abs(model.actuator_forcerange[index]).max()))
-    fixed = int(model.actuator_gaintype[index]) == mujoco.mjtGain.mjGAIN_FIXED
-    free = int(model.actuator_biastype[index]) == mujoco.mjtBias.mjBIAS_NONE
-    still = int(model.actuator_dyntype[index]) == mujoco.mjtDyn.mjDYN_NONE
-    one = len(model.actuator_ctrllimited) == len(model.actuator_trntype)  # control of each
-    if one and model.actuator_ctrllimited[index] and fixed and free and still:
-        gain = abs(float(model.actuator_gainprm[index, 0]))
-        limits.append(gain * float(np.abs(model.actuator_ctrlrange[index]).max()))
-    return min(limits) * gear if gear else math.inf
+def _address(model: Any, what: str, index: int) -> int:
+    """Where the numbers of an actuator stand; each has one of everything in old releases."""
+    addresses = getattr(model, f'actuator_{what}adr', None)
+    return index if addresses is None else int(addresses[index])
+
+
+def _of(names: Sequence[str], chosen: Iterable[int]) -> str:
+    return listed(names[i] for i in sorted(chosen))
+
+
+def _polynomial(model: Any, field: str, index: int) -> tuple[float, ...]:
+    """The coefficients of a force, as many as the release of MuJoCo knows."""
+    if not hasattr(model, field):
+        return ()
+    higher = getattr(model, f'{field}poly', np.zeros((index + 1, 0)))[index]
+    return (float(getattr(model, field)[index]), *map(float, higher))
 
 
 def read(root: Node, source: str, merged: bool) -> Description:
@@ -278,26 +371,56 @@ class _Reading:
     def description(self) -> Description:
         model = self._model
         loops, couplings = self._closures()
+        drives, pulling = _Drives(model, self._joints, self._source).read(self._doubts)
+        self._doubts += [*unread(model), *self._of_fluid(), *self._of_balls()]
+        tendons = tuple(self._tendons(pulling))
         return Description(
             source=self._source,
             bodies=tuple(self._body(i) for i in range(1, model.nbody)),
-            joints=tuple(self._joint(i) for i in range(model.njnt)),
+            joints=tuple(joint for i in range(model.njnt) for joint in self._joint(i)),
             loops=tuple(loops),
             couplings=tuple(couplings),
-            tendons=(),
-            actuators=tuple(actuators(model, self._joints, self._doubts)),
+            tendons=tendons,
+            actuators=tuple(drives),
             frames=self._frames(),
             keyframes=dict(self._keyframe(i) for i in range(model.nkey)),
-            gravity=self._gravity(),
+            gravity=np.zeros(3) if self._off('gravity') else np.array(model.opt.gravity),
             doubts=tuple(self._doubts),
         )
 
-    def _gravity(self) -> Array:
+    def _off(self, flag: str) -> bool:
+        """Whether the file switches something off."""
+        bit = getattr(self._mujoco.mjtDisableBit, f'mjDSBL_{flag.upper()}')
+        return bool(self._model.opt.disableflags & int(bit))
+
+    def _of_fluid(self) -> Iterator[str]:
+        """What a medium does, at rates of 1 rad/s or m/s."""
         model = self._model
-        if floating := [self._bodies[i] for i in np.flatnonzero(model.body_gravcomp)]:
-            self._doubts.append(f'gravcomp is left out, bodies weigh: {listed(floating)}')
-        off = model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_GRAVITY)
-        return np.zeros(3) if off else np.array(model.opt.gravity)
+        if not (model.opt.density or model.opt.viscosity) or not model.nv:
+            return
+        data = self._mujoco.MjData(model)
+        data.qvel[:] = 1.0
+        self._mujoco.mj_forward(model, data)
+        force = np.abs(data.qfrc_fluid).max()
+        yield f'the forces of density, viscosity and wind are left out: {force:.3g} N m at 1 rad/s'
+
+    def _of_balls(self) -> Iterator[str]:
+        """Springs, dampers and limits of balls and of bodies that float."""
+        model, single = self._model, (HINGE, SLIDE)
+        for i in range(model.njnt):
+            if self._kind(i) in single:
+                continue
+            dof = model.jnt_dofadr[i]
+            found = {
+                'spring': 0.0 if self._off('spring') else model.jnt_stiffness[i],
+                'damping': 0.0 if self._off('damper') else model.dof_damping[dof],
+                'friction': 0.0 if self._off('frictionloss') else model.dof_frictionloss[dof],
+                'range': model.jnt_limited[i] and not self._off('limit'),
+            }
+            if left := [name for name, value in found.items() if value]:
+                yield f'{printable(self._joints[i])!r} is a ball: left out are its ' + ', '.join(
+                    f'{name} ({found[name]:.3g})' if name != 'range' else name for name in left
+                )
 
     @staticmethod
     def _name(part: Any, kind: str, index: int) -> str:
@@ -319,57 +442,97 @@ class _Reading:
             mass=float(model.body_mass[index]),
             centre=np.array(model.body_ipos[index]),
             inertia=(axes * model.body_inertia[index]) @ axes.T,
+            lifted=0.0 if self._lifts_nothing() else float(model.body_gravcomp[index]),
         )
 
-    def _joint(self, index: int) -> Joint:
-        model, kinds = self._model, self._mujoco.mjtJoint
-        body = int(model.jnt_bodyid[index])
-        kind = {kinds.mjJNT_HINGE: HINGE, kinds.mjJNT_SLIDE: SLIDE, kinds.mjJNT_BALL: BALL}.get(
-            int(model.jnt_type[index])
+    def _lifts_nothing(self) -> bool:
+        """Whether gravcomp is off; MuJoCo leaves it out with springs and dampers, too."""
+        return self._off('gravity') or (self._off('spring') and self._off('damper'))
+
+    def _kind(self, index: int) -> str:
+        """Kind of a joint; that of a body that floats is empty."""
+        kinds = self._mujoco.mjtJoint
+        return {kinds.mjJNT_HINGE: HINGE, kinds.mjJNT_SLIDE: SLIDE, kinds.mjJNT_BALL: BALL}.get(
+            int(self._model.jnt_type[index]), ''
         )
-        if kind is None:
-            raise InputError(
-                f'{self._source}: body {printable(self._bodies[body])!r} floats (free joint); '
-                'a robot must be fixed to the world'
-            )
-        dof = model.jnt_dofadr[index]
-        lower, upper = model.jnt_range[index] if model.jnt_limited[index] else (-np.inf, np.inf)
-        forces = model.jnt_actfrcrange[index] if model.jnt_actfrclimited[index] else UNLIMITED
-        if model.jnt_stiffness[index] and kind != BALL:
-            self._doubts.append(
-                f'joint {printable(self._joints[index])!r} has a spring, which is left out'
-            )
-        return Joint(
-            name=self._joints[index],
-            body=body - 1,
+
+    def _joint(self, index: int) -> Iterator[Joint]:
+        model, name, kind = self._model, self._joints[index], self._kind(index)
+        body = int(model.jnt_bodyid[index]) - 1
+        dof, place = model.jnt_dofadr[index], model.jnt_qposadr[index]
+        if not kind:
+            yield from floating(name, body, self._matrix(model.body_quat[body + 1]))
+            return
+        limited = model.jnt_limited[index] and not self._off('limit') and kind != BALL
+        lower, upper = model.jnt_range[index] if limited else UNLIMITED
+        least, greatest = (
+            model.jnt_actfrcrange[index] if model.jnt_actfrclimited[index] else UNLIMITED
+        )
+        single = kind != BALL
+        spring = single and not self._off('spring')
+        yield Joint(
+            name=name,
+            body=body,
             kind=kind,
             axis=np.array(model.jnt_axis[index]),
             anchor=np.array(model.jnt_pos[index]),
-            zero=0.0 if kind == BALL else float(model.qpos0[model.jnt_qposadr[index]]),
-            lower=-np.inf if kind == BALL else float(lower),
-            upper=np.inf if kind == BALL else float(upper),
-            effort=(float(forces[0]), float(forces[1])),
-            damping=self._polynomial('dof_damping', dof),
-            coulomb=float(model.dof_frictionloss[dof]),
+            zero=float(model.qpos0[place]) if single else 0.0,
+            lower=float(lower),
+            upper=float(upper),
+            effort=(float(least), float(greatest)),
+            damping=()
+            if self._off('damper') or not single
+            else _polynomial(model, 'dof_damping', dof),
+            coulomb=0.0 if self._off('frictionloss') else float(model.dof_frictionloss[dof]),
             armature=float(model.dof_armature[dof]),
+            stiffness=_polynomial(model, 'jnt_stiffness', index) if spring else (),
+            rest=float(model.qpos_spring[place]) if spring else 0.0,
         )
 
-    def _polynomial(self, field: str, index: int) -> tuple[float, ...]:
-        """The coefficients of a force, as many as the release of MuJoCo knows."""
-        higher = getattr(self._model, f'{field}poly', np.zeros((index + 1, 0)))[index]
-        return (float(getattr(self._model, field)[index]), *map(float, higher))
+    def _tendons(self, pulling: Sequence[_Drive]) -> Iterator[Tendon]:
+        """Fixed tendons; those in space are gone."""
+        model = self._model
+        for i in range(model.ntendon):
+            parts = range(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i])
+            own = [each.actuator for each in pulling if each.tendon == i]
+            limited = model.tendon_limited[i] and not self._off('limit')
+            lower, upper = model.tendon_range[i] if limited else UNLIMITED
+            ratios: dict[str, float] = {}
+            for part in parts:
+                name = self._joints[model.wrap_objid[part]]
+                ratios[name] = ratios.get(name, 0.0) + float(model.wrap_prm[part])
+            coulomb = 0.0 if self._off('frictionloss') else float(model.tendon_frictionloss[i])
+            name = self._name(model.tendon(i), 'tendon', i)
+            if coulomb and len(ratios) > 1:
+                what = f'friction of tendon {printable(name)!r} is left out'
+                self._doubts.append(f'{what}: {coulomb:.3g} N m or N along it')
+            dampings = [_polynomial(model, 'tendon_damping', i), *(each.damping for each in own)]
+            slack, stretched = model.tendon_lengthspring[i]
+            yield Tendon(
+                name=name,
+                ratios=ratios,
+                lower=float(lower),
+                upper=float(upper),
+                damping=() if self._off('damper') else added(*dampings),
+                coulomb=coulomb,
+                armature=float(getattr(model, 'tendon_armature', np.zeros(i + 1))[i])
+                + sum(each.armature for each in own),
+                stiffness=() if self._off('spring') else _polynomial(model, 'tendon_stiffness', i),
+                rest=(float(slack), float(stretched)),
+            )
 
     def _closures(self) -> tuple[list[Loop], list[Coupling]]:
         model, kinds = self._model, self._mujoco.mjtEq
         loops, couplings = [], []
         for i in range(model.neq):
             name, kind = self._name(model.equality(i), 'equality', i), int(model.eq_type[i])
-            if not model.eq_active0[i]:
+            if not model.eq_active0[i] or self._off('equality') or self._off('constraint'):
                 self._doubts.append(f'equality {printable(name)!r} is not active, so left out')
             elif kind == kinds.mjEQ_JOINT:
                 couplings.append(self._coupling(i, name))
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-                loops.append(self._loop(i, name, kind == kinds.mjEQ_WELD))
+                turns = kind == kinds.mjEQ_WELD and model.eq_data[i, TORQUE_SCALE] != 0.0
+                loops.append(self._loop(i, name, kind == kinds.mjEQ_WELD, turns))
             else:
                 raise InputError(
                     f'{self._source}: equality {printable(name)!r} is of a kind that is not '
@@ -392,18 +555,17 @@ class _Reading:
         offset -= ratio * float(model.qpos0[model.jnt_qposadr[second]])
         return Coupling(name, self._joints[first], self._joints[second], ratio, offset)
 
-    def _loop(self, index: int, name: str, weld: bool) -> Loop:
+    def _loop(self, index: int, name: str, weld: bool, turns: bool) -> Loop:
         model, data = self._model, np.array(self._model.eq_data[index])
         first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         if int(model.eq_objtype[index]) == self._mujoco.mjtObj.mjOBJ_SITE:
-            return Loop(name, self._site(first), self._site(second), weld)
+            return Loop(name, self._site(first), self._site(second), turns)
         if not weld:
             frames = Frame(first - 1, position=data[:3]), Frame(second - 1, position=data[3:6])
             return Loop(name, *frames, False)
         rotation = self._matrix(data[6:10] / np.linalg.norm(data[6:10]))
-        return Loop(
-            name, Frame(first - 1, rotation, data[3:6]), Frame(second - 1, position=data[:3]), True
-        )
+        at = Frame(first - 1, rotation, data[3:6])
+        return Loop(name, at, Frame(second - 1, position=data[:3]), turns)
 
     def _site(self, index: int) -> Frame:
         model = self._model
@@ -420,10 +582,17 @@ class _Reading:
     def _keyframe(self, index: int) -> tuple[str, dict[str, float | tuple[float, ...]]]:
         model = self._model
         posture: dict[str, float | tuple[float, ...]] = {}
-        for name, address, kind in zip(
-            self._joints, model.jnt_qposadr, model.jnt_type, strict=True
-        ):
-            values = model.key_qpos[index, address : address + 4]
-            ball = int(kind) == self._mujoco.mjtJoint.mjJNT_BALL
-            posture[name] = tuple(map(float, values)) if ball else float(values[0])
+        for i, (name, place) in enumerate(zip(self._joints, model.jnt_qposadr, strict=True)):
+            values, kind = model.key_qpos[index, place : place + 7], self._kind(i)
+            if kind in (HINGE, SLIDE):
+                posture[name] = float(values[0])
+                continue
+            turned = values[:4]
+            if not kind:
+                moved = values[:3] - model.qpos0[place : place + 3]
+                posture |= dict(zip(slides_of(name), map(float, moved), strict=True))
+                turned = np.zeros(4)
+                back = model.qpos0[place + 3 : place + 7] * (1.0, -1.0, -1.0, -1.0)
+                self._mujoco.mju_mulQuat(turned, back, values[3:7])
+            posture[name] = tuple(map(float, turned))
         return self._name(model.key(index), 'key', index), posture

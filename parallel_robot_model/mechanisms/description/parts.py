@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from itertools import zip_longest
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,6 +124,31 @@ class Description(NamedTuple):
     keyframes: dict[str, dict[str, float | tuple[float, ...]]]
     gravity: Array  # acceleration of gravity [m/s^2], shape (3,)
     doubts: tuple[str, ...]  # what was read in a way that its author may not expect
+
+
+def added(*polynomials: Polynomial) -> Polynomial:
+    """The sum of polynomials by their coefficients."""
+    return tuple(map(sum, zip_longest(*polynomials, fillvalue=0.0)))
+
+
+def slides_of(name: str) -> tuple[str, ...]:
+    """Names of the slides of a joint that lets its body float; its ball has its own."""
+    return tuple(f'{name}.p{axis}' for axis in 'xyz')
+
+
+def floating(name: str, body: int, rotation: Array) -> tuple[Joint, ...]:
+    """Three slides and a ball, for a body that the world carries and that loops must hold.
+
+    Args:
+        name: What the file calls its joint.
+        body: Index of the body.
+        rotation: Its frame seen from the world, shape (3, 3).
+    """
+    slides = zip(slides_of(name), rotation, strict=True)  # the axes of the world, seen from it
+    return (
+        *(Joint(slide, body, SLIDE, np.array(axis)) for slide, axis in slides),
+        Joint(name, body, BALL, np.eye(3)[2]),
+    )
 
 
 # Names of parts of a robot in messages.

@@ -47,7 +47,9 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
     inertia, gravity, pose = at_home(made)
     shapes = figures(made, pose)
     n = len(made.actuated)
-    limits = torque_limits(made, inertia, gravity)
+    back, forth = torque_ends(made, inertia, gravity)
+    limits = np.maximum(back, forth)
+    some = np.where(limits > 0.0, limits, 1.0)
     lengths = [unit == 'm' for _, unit in coordinates_of(made)]
     steps = WIDE * np.where(lengths, made.mechanism.length, 1.0)
     steps[0] *= _share(made, steps[0])
@@ -93,8 +95,14 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
             'sine': sine.ravel().tolist(),
             'cosine': cosine.ravel().tolist(),
         },
-        'plant': {'initial_pose': pose.tolist(), 'torque_limit': limits.tolist()},
+        'plant': {
+            'initial_pose': pose.tolist(),
+            'torque_limit': limits.tolist(),
+            'torque_forward': (forth / some).tolist(),
+            'torque_backward': (back / some).tolist(),
+        },
         'friction': {'viscous': list(made.viscous), 'coulomb': list(made.coulomb)},
+        'actuator': {'lag': list(made.lag), 'delay': made.delay},
         'disturbance': {'amplitude': 0.0, 'phase': 0.0},
         'safety': {
             'min_closure': 0.05,
@@ -178,10 +186,15 @@ def _share(made: Machine, step: float) -> float:
     return float(USED * ahead if ahead >= -back else max(USED * back, -1.0))
 
 
-def torque_limits(made: Machine, inertia: Array, gravity: Array) -> Array:
-    """Limits of the motors [N m or N]; those that the file does not have are assumed."""
+def torque_ends(made: Machine, inertia: Array, gravity: Array) -> tuple[Array, Array]:
+    """Greatest torques of the motors backwards and forwards [N m or N], each shape (n,).
+
+    Those that the file does not have are assumed.
+    """
     assumed = 3.0 * np.abs(gravity) + PUSH * inertia
-    return np.where(np.isfinite(made.effort), made.effort, assumed)
+    ends = -np.array(made.least_effort), np.array(made.effort)
+    back, forth = (np.where(np.isfinite(end), np.maximum(end, 0.0), assumed) for end in ends)
+    return back, forth
 
 
 def _chosen(key: str, value: Any) -> Any:

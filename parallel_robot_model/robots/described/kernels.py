@@ -13,7 +13,12 @@ import numpy as np
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, inner, kernel, read_row, vector, write_row
 from parallel_robot_model.mechanisms import closing, dynamics, tool
-from parallel_robot_model.mechanisms.margins import keeps, margins, travel_left
+from parallel_robot_model.mechanisms.margins import (
+    keeps,
+    margins,
+    passive_travel_left,
+    travel_left,
+)
 from parallel_robot_model.mechanisms.margins import margins as margins_of
 from parallel_robot_model.mechanisms.mechanism import Mechanism
 from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
@@ -92,7 +97,7 @@ def _near(robot: Constants, workspace: Any, margins: SafetyMargins, position: Ar
         return CLOSURE
     if not moves:
         return TOOL
-    left = travel_left(robot.travel, position)
+    left = travel_left(robot.mechanism, workspace, robot.travel, position)
     return FOUND if left >= margins.min_travel else TRAVEL
 
 
@@ -178,21 +183,23 @@ def measure(robot: Constants, position: Array, rate: Array) -> Measurement:
 def joint_motion(robot: Constants, motion: PoseMotion) -> JointMotion:
     """Joints with two derivatives at a pose with two derivatives, in the modes of home.
 
-    As `passive` it has the shares of the margins at home, closure and tool.
+    As `passive` it has the shares of the margins at home, closure and tool, and the travel that
+    is left to passive joints and tendons.
     """
     rows, pose = robot.rows, motion.pose
     write_row(rows, 0, pose)
     if solve_pose(robot.mechanism, robot.workspace, rows[0]) != FOUND:
         lost = pose + np.nan
-        return JointMotion(lost, lost, lost, vector((np.nan, np.nan)), 0)
+        return JointMotion(lost, lost, lost, vector((np.nan, np.nan, np.nan)), 0)
     write_row(rows, 1, motion.rate)
     write_row(rows, 2, motion.acceleration)
     pose_motion(robot.mechanism, robot.workspace, rows[1], rows[2], rows[3], rows[4], rows[5])
     closure, of_tool = margins_of(robot.mechanism, robot.workspace)
+    left = passive_travel_left(robot.mechanism, robot.workspace)
     return JointMotion(
         read_row(rows, 3, pose),
         read_row(rows, 4, pose),
         read_row(rows, 5, pose),
-        vector((closure / robot.home[0], of_tool / robot.home[1])),
+        vector((closure / robot.home[0], of_tool / robot.home[1], left)),
         REACHED,
     )

@@ -64,6 +64,9 @@ def weighing(mechanism: Mechanism, robot: Parameters) -> Mechanism:
         inertia=np.where(changed[:, None, None], own, mechanism.inertia),
         armature=found.armature,
         gravity=np.array(robot.gravity),
+        elements=mechanism.elements._replace(
+            lifted=mechanism.elements.lifted * np.array(robot.mass_factor)
+        ),
     )
 
 

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.description.machine import Machine, machine, read
+from parallel_robot_model.mechanisms.description.compiled import numbers_of, written
+from parallel_robot_model.mechanisms.description.machine import Machine, machine, parsed, read
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.margins import spread
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
@@ -57,9 +58,9 @@ class DescribedRobot:
     PLANAR = False  # it depends on the tool, see `planar`
     OWN_MEMORY = True  # whoever has its constants has a memory of his own
 
-    def __init__(self, text: str) -> None:
-        """Take the text of a description."""
-        self.text = text
+    def __init__(self, text: str, compiled: str = '') -> None:
+        """Take the text of a description, and the numbers that its compiler made of it."""
+        self.text, self.compiled = text, compiled
         self.Parameters: Any = Parameters
         self.SafetyMargins: Any = parameters.SafetyMargins
         self.MotionLimits: Any = MotionLimits
@@ -74,7 +75,7 @@ class DescribedRobot:
     @property
     def description(self) -> Description:
         """What its text says."""
-        return description_of(self.text)
+        return description_of(self.text, self.compiled)
 
     @property
     def linear_model(self) -> LinearMachine:
@@ -83,7 +84,7 @@ class DescribedRobot:
 
     def machine(self, robot: Parameters) -> Machine:
         """The machine with what is chosen of it, its numbers those of the file."""
-        return _machine(self.text, *robot[: robot._fields.index('held') + 1])
+        return _machine(self.text, self.compiled, *robot[: robot._fields.index('held') + 1])
 
     def mechanism(self, robot: Parameters) -> Mechanism:
         """The machine with its numbers as the parameters have them.
@@ -235,7 +236,7 @@ class DescribedRobot:
         """First samples of a motion out of reach, near a singularity or an end of travel."""
         unreached = np.flatnonzero(reference.out_of_reach >= 0)
         reached = slice(0, int(unreached[0]) if unreached.size else None)
-        closure, of_tool = reference.passive[reached].T
+        closure, of_tool, left = reference.passive[reached].T
         position = reference.position[reached]
         failures = [
             first_sample(
@@ -253,6 +254,13 @@ class DescribedRobot:
                 limits.min_tool,
             ),
             self._at_an_end(robot, limits.min_travel, position),
+            first_sample(
+                left < limits.min_travel,
+                left,
+                'end of travel of a passive joint or a tendon, {} left is below '
+                'trajectory.min_travel, {}',
+                limits.min_travel,
+            ),
         ]
         if unreached.size:
             failures.append(Infeasible(int(unreached[0]), None, 'out of reach'))
@@ -294,36 +302,58 @@ class DescribedRobot:
 
 
 @functools.lru_cache(maxsize=8)
-def described(text: str) -> DescribedRobot:
-    """The robot of a description."""
-    return DescribedRobot(text)
+def described(text: str, compiled: str = '') -> DescribedRobot:
+    """The robot of a description, with the numbers of its compiler."""
+    return DescribedRobot(text, compiled)
 
 
 def default_values(values: Mapping[str, Any]) -> dict[str, Any]:
     """Defaults that a description gives, by key.
 
     Args:
-        values: What else is asked for: the text in ``robot_description``, and of ``robot.*``
-            what is chosen.
+        values: What else is asked for: the text in ``robot_description``, its compiled numbers
+            in ``robot_compiled``, and of ``robot.*`` what is chosen.
     """
-    return flat(_defaults(values['robot_description'], *choices(values).items()))
+    text, compiled = values['robot_description'], str(values.get('robot_compiled', ''))
+    found = flat(_defaults(text, compiled, *choices(values).items()))
+    return found | {'robot_compiled': compiled_of(text, compiled)}
 
 
 @functools.lru_cache(maxsize=8)
-def description_of(text: str) -> Description:
-    """A description, read once."""
-    return read(text)
+def description_of(text: str, compiled: str = '') -> Description:
+    """A description, read once, of the numbers that its compiler made of it if they are known."""
+    known = numbers_of(compiled, text, 'description') if compiled else None
+    return read(text) if known is None else known
+
+
+@functools.lru_cache(maxsize=8)
+def compiled_of(text: str, compiled: str = '') -> str:
+    """The numbers that MuJoCo makes of MJCF, see `mechanisms.description.compiled`.
+
+    Args:
+        text: The text of a description.
+        compiled: Its numbers, if they are known; those of another text do not count.
+
+    Returns:
+        Empty for a format that needs no compiler.
+    """
+    if compiled and numbers_of(compiled, text, 'description') is not None:
+        return compiled
+    if parsed(text, 'description')[0].tag != 'mujoco':
+        return ''
+    return written(text, f'MuJoCo {optional("mujoco").__version__}', description_of(text))
 
 
 @functools.lru_cache(maxsize=64)  # a sweep resolves thousands of configurations
-def _defaults(text: str, *chosen: tuple[str, Any]) -> dict[str, Any]:
+def _defaults(text: str, compiled: str, *chosen: tuple[str, Any]) -> dict[str, Any]:
     """Defaults in groups, of a machine of which something is chosen."""
-    return defaults_of(_machine(text, *(value for _, value in chosen)), dict(chosen))
+    return defaults_of(_machine(text, compiled, *(value for _, value in chosen)), dict(chosen))
 
 
 @functools.lru_cache(maxsize=64)
 def _machine(
     text: str,
+    compiled: str,
     actuated: tuple[str, ...],
     tool: str,
     home: str,
@@ -331,7 +361,7 @@ def _machine(
 ) -> Machine:
     """The machine of a description, with what is chosen of it."""
     return machine(
-        description_of(text),
+        description_of(text, compiled),
         actuated=actuated,
         tool=tool,
         home=home,
