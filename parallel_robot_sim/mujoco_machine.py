@@ -243,7 +243,8 @@ def _write(model: Any, field: str, index: int, values: Sequence[float]) -> None:
     if hasattr(model, f'{field}poly'):
         higher = getattr(model, f'{field}poly')[index]
         higher[:] = 0.0
-        higher[: len(values) - 1] = values[1:]
+        more = values[1:]
+        higher[: len(more)] = more
 
 
 def _tool(mechanism: Mechanism, tree: Tree) -> tuple[int, Array, Array]:

@@ -167,7 +167,9 @@ def _with_machine(values: Placed) -> Placed:
                 raise InputError(f'{MODEL}: {path}: {what}', MODEL)
             if name in taken:
                 compiled = yaml_file.text(path.with_suffix('.json'))
-    entries = {MODEL: name, DESCRIPTION: text, COMPILED: compiled}
+    entries = {MODEL: name, DESCRIPTION: text}
+    if compiled:  # else it is compiled when it is read
+        entries[COMPILED] = compiled
     return values | Placed(entries, dict.fromkeys(entries, stands) if stands else {})
 
 

@@ -7,6 +7,7 @@ bags, in exported laws and in config/machines. Others read it from there, withou
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import types
 from collections.abc import Iterator
@@ -42,7 +43,7 @@ class Compiled(NamedTuple):
 def written(text: str, compiler: str, description: Description) -> str:
     """A compiled description as JSON."""
     compiled = Compiled(_hash(text), compiler, description)
-    return plain_data.dump(_plain(compiled))
+    return json.dumps(_plain(compiled), ensure_ascii=False)
 
 
 def numbers_of(compiled: str, text: str, source: str) -> Description | None:

@@ -403,6 +403,15 @@ def read(text: str, source: str = 'description') -> Description:
             description = mjcf.read(root, source, merged)
         else:
             description = READERS[str(root.tag)](root, source)
+    return checked(description)
+
+
+def checked(description: Description) -> Description:
+    """A description as it is, if its numbers can be those of a machine and it is fixed.
+
+    Raises:
+        InputError: they cannot, or it floats.
+    """
     check_bounds(description)
     _check_floating(description)
     return description

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import KinematicsError, printable
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
+from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions, model
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HINGE, Mechanism
+from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.described.parameters import FAULTS, Parameters
 
 
@@ -125,7 +127,8 @@ class LinearMachine:
 
     NAMES = (
         'of the link that a joint moves, in its frame: mass m, mass times centre of mass mx, my, '
-        'mz, moments of inertia about its origin Ixx ... Izz; rotor: of the joint'
+        'mz, moments of inertia about its origin Ixx ... Izz; rotor: of the joint; passive: share '
+        "of what the file's springs, dampers, tendons and lifts do"
     )
 
     def __init__(
@@ -149,6 +152,7 @@ class LinearMachine:
             **{f'm{axis}[{name}]': 'kg m' for name in names for axis in 'xyz'},
             **{f'm[{name}]': 'kg' for name in names},
             **{f'rotor[{name}]': unit for name, unit in rotors},
+            **dict.fromkeys(self._passive(robot), ''),
         }
 
     def values(self, robot: Parameters) -> Array:
@@ -161,6 +165,7 @@ class LinearMachine:
                 found.moment[links].ravel(),
                 found.mass[links],
                 found.armature[self._rotors(robot)],
+                np.ones(len(self._passive(robot))),
             ]
         )
 
@@ -171,7 +176,13 @@ class LinearMachine:
         arm = np.sqrt(moment * found.mass[links])
         rotors = found.armature[self._rotors(robot)]
         return np.concatenate(
-            [np.repeat(moment, len(MOMENTS)), np.repeat(arm, 3), found.mass[links], rotors]
+            [
+                np.repeat(moment, len(MOMENTS)),
+                np.repeat(arm, 3),
+                found.mass[links],
+                rotors,
+                np.ones(len(self._passive(robot))),
+            ]
         )
 
     def free(self, robot: Parameters) -> dict[str, tuple[float, float]]:
@@ -192,8 +203,8 @@ class LinearMachine:
         """
         mechanism = self._mechanism(robot)
         links, rotors = self._links(robot), self._rotors(robot)
-        count = (len(MOMENTS) + 4) * len(links) + len(rotors)
-        Y = np.zeros((*position.shape, count))
+        inertial, passive = (len(MOMENTS) + 4) * len(links) + len(rotors), self._passive(robot)
+        Y = np.zeros((*position.shape, inertial + len(passive)))
         moved = body_motions(mechanism, position, velocity, acceleration)
         lost = np.flatnonzero(moved.fault != FOUND)
         if lost.size:
@@ -204,7 +215,11 @@ class LinearMachine:
             columns = [_columns(mechanism, some, i) for i in links]
             moments, arms, weights = zip(*columns, strict=True)
             felt = some.W[:, rotors] * some.joint[:, rotors, None]
-            Y[part] = np.concatenate([*moments, *arms, *weights, np.swapaxes(felt, 1, 2)], axis=2)
+            Y[part, :, :inertial] = np.concatenate(
+                [*moments, *arms, *weights, np.swapaxes(felt, 1, 2)], axis=2
+            )
+        if passive:
+            Y[..., -1] = passive_torques(mechanism, position, velocity, acceleration)
         return Y
 
     def _links(self, robot: Parameters) -> list[int]:
@@ -215,12 +230,34 @@ class LinearMachine:
             heavy[of_file.tool] = True
         return [int(i) for i in np.flatnonzero(heavy)]
 
+    def _passive(self, robot: Parameters) -> list[str]:
+        """The name of the share of passive forces, if the machine has such forces."""
+        lifted, _, ball, ratio, *_ = self._machine(robot).mechanism.elements
+        return ['passive'] if lifted.any() or ball.any() or len(ratio) else []
+
     def _rotors(self, robot: Parameters) -> list[int]:
         """Joints with a rotor."""
         of_file = self._machine(robot).mechanism
         armature = of_file.armature != 0.0
         armature[of_file.actuated] = np.array(robot.armature) != 0.0
         return [int(i) for i in np.flatnonzero(armature)]
+
+
+def passive_torques(
+    mechanism: Mechanism, position: Array, velocity: Array, acceleration: Array
+) -> Array:
+    """Torques of its elements alone at states of the actuated joints, all of shape (K, n)."""
+    bare = mechanism._replace(
+        mass=0.0 * mechanism.mass, inertia=0.0 * mechanism.inertia, armature=0.0 * mechanism.mass
+    )
+    machine, work = boxed(bare)
+    n, out = position.shape[1], np.zeros(position.shape)
+    M, Q = np.zeros((2, n, n))
+    for k in range(len(position)):
+        close(machine, work, np.ascontiguousarray(position[k]))
+        model(machine, work, np.ascontiguousarray(velocity[k]), M, Q, out[k])
+        out[k] += M @ acceleration[k] + Q @ velocity[k]
+    return out
 
 
 def _columns(mechanism: Mechanism, moved: BodyMotions, link: int) -> tuple[Array, Array, Array]:

@@ -15,7 +15,13 @@ from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.compiled import numbers_of, written
-from parallel_robot_model.mechanisms.description.machine import Machine, machine, parsed, read
+from parallel_robot_model.mechanisms.description.machine import (
+    Machine,
+    checked,
+    machine,
+    parsed,
+    read,
+)
 from parallel_robot_model.mechanisms.description.parts import Description
 from parallel_robot_model.mechanisms.margins import spread
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
@@ -323,7 +329,7 @@ def default_values(values: Mapping[str, Any]) -> dict[str, Any]:
 def description_of(text: str, compiled: str = '') -> Description:
     """A description, read once, of the numbers that its compiler made of it if they are known."""
     known = numbers_of(compiled, text, 'description') if compiled else None
-    return read(text) if known is None else known
+    return read(text) if known is None else checked(known)
 
 
 @functools.lru_cache(maxsize=8)
