@@ -12,8 +12,10 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.description.parts import independent
 
+BALL = ('ball.x', 'ball.y', 'ball.z')  # of ARM, which nothing drives
 
-def hexapod(rod='0 0 1', drives=6):
+
+def hexapod(rod='0 0 1', drives=6, off=0.0):
     """Six rods on universal joints that push a platform on balls: 6-UPS, made as 6-SPS."""
     base, top, height = 0.6, 0.35, 0.7
     legs, closures, motors, sites = '', '', '', ''
@@ -31,9 +33,9 @@ def hexapod(rod='0 0 1', drives=6):
             axes = np.vstack([z - axes[0], z + axes[0]]) / math.sqrt(2)
         legs += f"""
         <body pos="{foot[0]} {foot[1]} 0" xyaxes="{' '.join(map(str, axes.flatten()))}">
-          <joint name="ball{i}" type="ball"/>{INERTIAL.format(0.05, 1.5)}
+          <joint name="ball{i}" type="ball"/>{on_rod(rod, 0.05, 1.5, off)}
           <body><joint name="push{i}" type="slide" axis="{rod}" damping="3"/>
-            {INERTIAL.format(0.1, 1)}
+            {on_rod(rod, 0.1, 1)}
             <site name="head{i}" pos="{' '.join(str(v) for v in reach(rod, head - foot))}"/>
           </body>
         </body>"""
@@ -49,6 +51,12 @@ def hexapod(rod='0 0 1', drives=6):
         f'<equality>{closures}</equality><actuator>{motors}</actuator>',
         '<compiler inertiafromgeom="false"/>',
     )
+
+
+def on_rod(rod, length, mass, off=0.0):
+    """The inertia of a rod, its centre on its axis, or off it."""
+    x, y, z = reach(rod, np.array([length, 0, 0])) + off * np.array([0, 1, 0])
+    return f'<inertial pos="{x} {y} {z}" mass="{mass}" diaginertia="0.01 0.02 0.02"/>'
 
 
 def reach(rod, way):
@@ -72,6 +80,35 @@ def test_rods_between_balls_do_not_spin(rod, spin):
     np.testing.assert_allclose(at_home.W, there.follow(driven, held), atol=1e-9)
     np.testing.assert_allclose(at_home.M, at_home.W.T @ there.M @ at_home.W, rtol=1e-10)
     np.testing.assert_allclose(at_home.gravity, at_home.W.T @ there.force, rtol=1e-9)
+
+
+def test_joints_that_nothing_drives_are_refused_where_masses_move_with_them():
+    cart = mjcf(
+        '<body name="cart"><joint name="slider" type="slide" axis="1 0 0"/><geom size="0.1"/>'
+        '<body><joint name="pole" axis="0 1 0"/><geom size=".05" type="capsule" '
+        'fromto="0 0 0 0 0 0.6"/>{}</body></body>',
+        '<actuator><motor joint="slider"/></actuator>',
+    )
+    second = (
+        '<body pos="0 0 0.6"><joint name="top" axis="0 1 0"/><geom size=".1" pos="0 0 1"/></body>'
+    )
+    for text, names in ((cart, 'pole'), (cart.replace('{}', second), 'pole, top')):
+        text = text.replace('{}', '')
+        with pytest.raises(InputError, match=f'that was read drives {names}, and masses move'):
+            made(text)
+        assert made(text, held=names.split(', ')).held == tuple(names.split(', '))
+    swinging = mjcf(f'<body><joint name="a"/>{INERTIAL.format(0.1, 1)}<body pos="0.2 0 0">'
+                    f'<joint name="b"/>{INERTIAL.format(0.1, 1)}</body></body>',
+                    '<actuator><motor joint="a"/></actuator>',
+                    '<option gravity="0 0 0"/>')  # fmt: skip
+    with pytest.raises(InputError, match='drives b,'):
+        made(swinging)
+
+
+def test_a_rod_that_swings_about_its_ends_does_not_spin():
+    assert made(hexapod(off=0.005)).held
+    with pytest.raises(InputError, match=r'drives ball0\.z, ball1\.z, ball2\.z, '):
+        made(hexapod(off=0.05))
 
 
 def of_home(text):
@@ -142,9 +179,9 @@ def test_wrong_homes_are_refused(home, reason):
 
 
 def test_keyframes_are_homes():
-    arm = made(ARM)
+    arm = made(ARM, held=BALL)
     assert arm.mechanism.home[:3] == pytest.approx((0.3, 0.5, 0.2), abs=0)
-    zero = made(ARM, home='pan=0')
+    zero = made(ARM, held=BALL, home='pan=0')
     np.testing.assert_allclose(zero.mechanism.home[:3], (0, np.radians(20), 0.1))
 
 
@@ -182,7 +219,7 @@ def test_singular_homes_are_refused():
 
 
 def test_the_tool_is_named_or_found():
-    assert made(ARM, tool='rod').tool == 'rod'
+    assert made(ARM, held=BALL, tool='rod').tool == 'rod'
     with pytest.raises(UnknownNameError, match="unknown site, body or link 'tol'; did you mean"):
         made(ARM, tool='tol')
     bar = made(five_bar())
@@ -293,8 +330,8 @@ def test_a_leaf_without_mass_behind_others_is_no_harm():
 
 
 def test_reading_twice_gives_the_same_bytes():
-    for text in (hexapod(), five_bar(), ARM, urdf()):
-        first, again = (machine(read(text)) for _ in range(2))
+    for text, held in ((hexapod(), ()), (five_bar(), ()), (ARM, BALL), (urdf(), ())):
+        first, again = (machine(read(text), held=held) for _ in range(2))
         for a, b in zip(first.mechanism, again.mechanism, strict=True):
             assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 

@@ -39,8 +39,10 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     added,
     check_bounds,
+    independent,
     listed,
     slides_of,
+    null_space,
 )
 from parallel_robot_model.mechanisms.description.tree import (
     Freedoms,
@@ -163,6 +165,35 @@ def felt(parts: Assembly, freedoms: Freedoms, inertia: Inertia) -> Array:
     return np.asarray(motion.T @ whole @ motion)
 
 
+FEW = 0.1  # of the radius of gyration of a link: its centre of mass is on the axis of its spin
+
+
+def _check_driven(
+    source: str, parts: Assembly, freedoms: Freedoms, stopped: list[int], inertia: Inertia
+) -> None:
+    """Refuse joints that nothing drives and that do more than spin links about their centres."""
+    idle = [i for i in freedoms.held if i not in stopped]
+    if not idle:
+        return
+    joints = sorted([*idle, *freedoms.passive])
+    null = null_space(parts.closures()[:, joints])
+    places, heavy = place(parts.tree, parts.home), np.flatnonzero(inertia.mass > LIGHT)
+    rates = [places.rates(Frame(int(i), position=inertia.centre[i]))[0] for i in heavy]
+    sizes = np.linalg.eigvalsh(inertia.inertia[heavy])[:, -1] / inertia.mass[heavy]  # m^2
+    moved = [
+        (rate * parts.steps)[:, joints] @ null / max(size, TINY) ** 0.5
+        for rate, size in zip(rates, sizes, strict=True)
+    ]
+    _, much, motions = np.linalg.svd(np.concatenate([np.zeros((0, null.shape[1])), *moved]))
+    if count := int(np.sum(much > FEW)):
+        rows = independent(null @ motions[:count].T, count)
+        names = listed(parts.tree.links[joints[i]].name for i in rows)
+        raise InputError(
+            f'{source}: no actuator that was read drives {names}, and masses move with it: name '
+            'it in robot.actuated or in robot.held'
+        )
+
+
 MOST = 200  # joints
 NO_TOOL = 'robot.tool is not given; the tool taken is {}'
 JOINTS_AS_POSE = (
@@ -256,6 +287,7 @@ def machine(
     exact = polished(parts, freedoms.rows, freedoms.passive)
     parts = parts._replace(home=exact, tool=found)
     inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
+    _check_driven(description.source, parts, freedoms, stopped, inertia)
     _check_felt(description.source, parts, freedoms, inertia)
     chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
