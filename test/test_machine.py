@@ -258,6 +258,30 @@ def test_masses_scale_and_a_payload_is_carried():
     np.testing.assert_allclose(Evaluated(heavy).M, 1.5 * W.M + 2 * moved.T @ moved, rtol=1e-11)
 
 
+def stretched(limit='', more=''):
+    """An arm that lies stretched along x and turns about y, with a lamp at its end."""
+    return (
+        f'<robot name="stretched"><link name="base"/>{link("upper")}'
+        + joint('a', 'base', 'upper', axis='0 1 0')
+        + link('fore').replace('<mass', '<origin xyz="0.3 0 0"/><mass')
+        + joint('b', 'upper', 'fore', 'revolute', '0.4 0 0', '0 1 0', f'<limit {limit}/>')
+        + '<link name="lamp"/>'
+        + joint('bolt', 'fore', 'lamp', 'fixed', xyz='0.5 0 0')
+        + f'{more}</robot>'
+    )
+
+
+def test_the_tool_is_what_is_fixed_to_the_end():
+    assert made(stretched()).tool == 'lamp'
+    more = '<link name="e"/>' + joint('nail', 'fore', 'e', 'fixed', xyz='0.1 0 0')
+    assert made(stretched(more=more)).tool == 'fore'
+    assert made(stretched(more=more.replace('"e"', '"left_fingertip"'))).tool == 'left_fingertip'
+
+
+def test_gravity_below_the_limits_is_no_doubt():
+    assert not any('gravity' in line for line in made(stretched('effort="3"')).doubts)
+
+
 def changed(joint, attributes):
     """The five-bar with more said of a joint."""
     return five_bar().replace(f'<joint name="{joint}"/>', f'<joint name="{joint}" {attributes}/>')
@@ -288,6 +312,8 @@ def changed(joint, attributes):
         (urdf(link('closing_1') + joint('c', 'first', 'closing_1', 'fixed')),
          'nothing closes the loops that links are named after: closing_1'),
         (urdf(link('stand')), 'links without a parent are fixed to the world: base, stand'),
+        (stretched('effort="2.9"'),
+         'gravity takes 2.943 N m at b at home, above its limit, 2.9 N m'),
     ],
 )  # fmt: skip
 def test_doubts_are_told(text, doubt):

@@ -28,12 +28,14 @@ from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, HINGE, POI
 
 WORDS = (
     'tcp', 'tool', 'ee', 'eef', 'endeffector', 'end_effector', 'effector', 'attachment', 'flange',
-    'platform', 'gripper', 'hand', 'tip', 'nacelle',
+    'platform', 'gripper', 'hand', 'tip', 'fingertip', 'endpoint', 'nozzle', 'nacelle',
 )  # fmt: skip
 
 
 def guessed(description: Description, parts: Assembly, driven: list[int]) -> Tool:
     """The frame with the name of a tool, else the platform, else the end of the chain.
+
+    The end is the only frame that is fixed to its last link away from the joint, if there is one.
 
     Args:
         description: The robot.
@@ -53,7 +55,9 @@ def guessed(description: Description, parts: Assembly, driven: list[int]) -> Too
     if closed:
         return _platform(description, parts, driven)
     last = max(driven, key=lambda i: len(_path(tree, i)), default=BASE)
-    return _origin(description, tree, last)
+    hosts = {name: tree.on_link(frame) for name, frame in description.frames.items()}
+    away = [name for name, host in hosts.items() if host.body == last and host.position.any()]
+    return Tool(away[0], hosts[away[0]]) if len(away) == 1 else _origin(description, tree, last)
 
 
 def _path(tree: Tree, link: int) -> list[int]:

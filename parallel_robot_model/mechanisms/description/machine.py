@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -194,6 +194,26 @@ def _check_driven(
         )
 
 
+def _weak(
+    parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array
+) -> Iterator[str]:
+    """Joints that cannot hold the machine against gravity at home."""
+    places, links = place(parts.tree, parts.home), parts.tree.links
+    needed = -sum(
+        mass * gravity @ places.rates(Frame(i, position=inertia.centre[i]))[0]
+        for i, mass in enumerate(inertia.mass)
+    )
+    held = needed @ followed(parts.closures(scaled=False), freedoms)
+    for i, load in zip(freedoms.actuated, held, strict=True):
+        limit = links[i].joint.effort[int(load > 0.0)]
+        if abs(load) > abs(limit) or load * limit < 0.0:
+            unit = 'N m' if links[i].kind == HINGE else 'N'
+            yield (
+                f'gravity takes {abs(load):.4g} {unit} at {printable(links[i].name)} at home, '
+                f'above its limit, {abs(limit):.4g} {unit}'
+            )
+
+
 MOST = 200  # joints
 NO_TOOL = 'robot.tool is not given; the tool taken is {}'
 JOINTS_AS_POSE = (
@@ -318,6 +338,7 @@ def machine(
             *([] if tool else [NO_TOOL.format(printable(found.name))]),
             *([] if coordinates else [JOINTS_AS_POSE]),
             *told(start, closed, parts, freedoms, stopped),
+            *_weak(parts, freedoms, inertia, description.gravity),
         ),
     )
 
