@@ -11,6 +11,7 @@ from reading import Evaluated, InMujoco, made
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.description.parts import independent
+from parallel_robot_model.robots.registry import resolve
 
 BALL = ('ball.x', 'ball.y', 'ball.z')  # of ARM, which nothing drives
 
@@ -280,6 +281,13 @@ def test_the_tool_is_what_is_fixed_to_the_end():
 
 def test_gravity_below_the_limits_is_no_doubt():
     assert not any('gravity' in line for line in made(stretched('effort="3"')).doubts)
+
+
+def test_speeds_of_a_file_are_the_limits():
+    text = stretched('velocity="20"')
+    found = resolve('paper_circle', {'robot_description': text, 'robot_model': 'stretched'})
+    assert found['safety.speed_limit'] == [10.0, 20.0]
+    assert found['trajectory.max_joint_speed'] == 20.0
 
 
 def changed(joint, attributes):

@@ -50,6 +50,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
     back, forth = torque_ends(made, inertia, gravity)
     limits = np.maximum(back, forth)
     some = np.where(limits > 0.0, limits, 1.0)
+    speeds = [SPEED if speed == np.inf else speed for speed in made.velocity]
     lengths = [unit == 'm' for _, unit in coordinates_of(made)]
     steps = WIDE * np.where(lengths, made.mechanism.length, 1.0)
     steps[0] *= _share(made, steps[0])
@@ -82,6 +83,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
             'min_closure': 0.1,
             'min_tool': 0.1,
             'min_travel': 0.0,
+            'max_joint_speed': max(*speeds, SPEED),
         },
         'move': {'start': pose.tolist(), 'end': end.tolist()},
         'trapezoid': {
@@ -114,7 +116,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
             'torque_limit': limits.tolist(),
             'torque_rate': (1000.0 * limits).tolist(),
             'ramp_rate': (5.0 * limits).tolist(),
-            'speed_limit': [min(speed, SPEED) for speed in made.velocity],
+            'speed_limit': speeds,
         },
     }
 
