@@ -74,7 +74,7 @@ def test_rods_between_balls_do_not_spin(rod, spin):
     assert len(stage.passive) == 18 and stage.tool == 'top'
     names = ('x', 'y', 'z', 'rx', 'ry', 'rz')
     assert stage.coordinates == tuple((n, 'rad' if 'r' in n else 'm') for n in names)
-    assert any('ball0.' in doubt and 'held' in doubt for doubt in stage.doubts)
+    assert any('ball0.' in line and 'held' in line for line in stage.remarks)
     at_home = Evaluated(stage)
     there = InMujoco(text, of_home(text))
     driven, held = ([stage.names.index(n) for n in of] for of in (stage.actuated, stage.held))
@@ -224,7 +224,7 @@ def test_the_tool_is_named_or_found():
     with pytest.raises(UnknownNameError, match="unknown site, body or link 'tol'; did you mean"):
         made(ARM, tool='tol')
     bar = made(five_bar())
-    assert bar.tool == 'the point of equality_0' and 'tool taken is the point of' in bar.doubts[0]
+    assert bar.tool == 'the point of equality_0' and 'tool taken is the point of' in bar.remarks[0]
     assert bar.coordinates == (('x', 'm'), ('y', 'm'))
     assert made(urdf()).tool == 'flange'
     assert made(urdf().replace('flange', 'plate')).tool == 'second'
@@ -246,7 +246,7 @@ def test_a_tool_with_other_motions_leaves_the_joints_as_pose():
     text = urdf(link('third') + joint('third', 'second', 'third', axis='1 0 0'))
     arm = made(text, tool='first')
     assert arm.coordinates == () and len(arm.mechanism.coordinate) == 0
-    assert any('the pose is these joints' in doubt for doubt in arm.doubts)
+    assert any('the pose is these joints' in line for line in arm.remarks)
 
 
 def test_masses_scale_and_a_payload_is_carried():

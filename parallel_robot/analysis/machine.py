@@ -69,7 +69,7 @@ class Facts(NamedTuple):
             'coordinates': [axis.name for axis in self.axes],
             'coordinate_units': [axis.unit for axis in self.axes],
             'home_moved': machine.home_moved,
-            'doubts': list(machine.doubts),
+            'doubts': [*machine.doubts, *machine.remarks],
             'state': state.position.tolist(),
             'rate': state.velocity.tolist(),
             'M': state.M.tolist(),
@@ -175,7 +175,7 @@ def readable(facts: Facts) -> list[Part]:
     ]
     if machine.held:
         parts.append(f'held at home: {", ".join(map(printable, machine.held))}')
-    return [*parts, *(f'note: {printable(doubt)}' for doubt in machine.doubts)]
+    return [*parts, *(f'note: {printable(each)}' for each in (*machine.doubts, *machine.remarks))]
 
 
 HEAD = (

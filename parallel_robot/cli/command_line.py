@@ -11,6 +11,7 @@ import shutil
 import signal
 import sys
 import traceback
+import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -19,12 +20,14 @@ from typing import Any
 
 from parallel_robot.bags.output import MAX_LINE_LENGTH, printable_output, spell
 from parallel_robot_model.common.errors import (
+    DescriptionWarning,
     InputError,
     ParallelRobotError,
     StoppedError,
     UnknownNameError,
     first_line,
     printable,
+    tell_descriptions,
 )
 from parallel_robot_model.common.options import Parser
 from parallel_robot_model.configuration import config, config_files
@@ -187,7 +190,11 @@ def main(words: Sequence[str] | None = None) -> int:
             logging.getLogger('parallel_robot').setLevel(logging.INFO)
         # `top` draws a screen, and cleans what it writes on it; a node writes a log.
         raw = arguments.command in ('top', 'node')
-        with contextlib.nullcontext() if raw else printable_output():
+        with warnings.catch_warnings(), contextlib.nullcontext() if raw else printable_output():
+            if arguments.command in ('robot', 'top'):  # it has them all; it draws a screen
+                warnings.simplefilter('ignore', DescriptionWarning)
+            elif not raw:
+                tell_descriptions(lambda line: print(f'warning: {line}', file=sys.stderr))
             code: int = module_of(arguments.command).execute(arguments)
         sys.stdout.flush()
     except ParallelRobotError as error:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+import warnings
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from signal import Signals
 from types import ModuleType
@@ -64,6 +65,24 @@ class InputError(ParallelRobotError):
         # is none. Whoever knows where it was set puts the place in front of the text
         self.key = key
         super().__init__(text)
+
+
+class DescriptionWarning(UserWarning):
+    """What the file of a machine says and the suite leaves out, or what of it is doubtful."""
+
+
+def tell_descriptions(tell: Callable[[str], object]) -> None:
+    """Let a function take the lines of each DescriptionWarning, until warnings are reset."""
+    usual: Any = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if issubclass(category, DescriptionWarning):
+            for line in str(message).split('\n'):
+                tell(line)
+        else:
+            usual(message, category, *place)
+
+    warnings.showwarning = show  # type: ignore[assignment]
 
 
 class UnknownNameError(InputError):

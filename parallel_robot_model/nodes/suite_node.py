@@ -26,6 +26,7 @@ from parallel_robot_model.common.errors import (
     ParallelRobotError,
     UnknownNameError,
     first_line,
+    tell_descriptions,
 )
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import config, config_files, fields, loop
@@ -105,6 +106,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._told_strangers: dict[Topic, str] = {}  # the publishers that were told
         given = parameters.overrides(self)
         self._scenario = config_files.absolute_scenario(str(given.pop('scenario', 'paper_circle')))
+        tell_descriptions(self.get_logger().warning)
         self.values = resolve(self._scenario, given)
         auto = self.values['period'] == AUTO
         if auto:

@@ -238,6 +238,7 @@ class Robot(Protocol):
     ``geometry(parameters)``, a Geometry, and ``pose_slopes(parameters, position, poses)``: the
     derivatives of poses by the actuated joints, then by its numbers, shape (N, m, ...);
     ``ahead``: a kernel as `estimate`, which may be less exact, for states that are only judged;
+    ``doubts(parameters)``: what is doubtful in its file, lines of text;
     ``OWN_MEMORY``: whether its kernels keep something in the constants, which everybody then has
     for himself.
 

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import warnings
 from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple
 
 from numba import types
 
-from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.errors import (
+    DescriptionWarning,
+    InputError,
+    UnknownNameError,
+    printable,
+)
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import (
     INTERPRETED,
@@ -57,6 +63,7 @@ KERNELS: dict[str, type] = {  # and what they return
 }
 OF_JOINTS = ('position', 'velocity', 'acceleration', 'M', 'Q', 'gravity')  # what has their size
 SEE = ' (docs/robots.md, vectors)'
+SHOWN = 3  # doubts of a machine, each in a line
 GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
 NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0] != '_')
 
@@ -243,7 +250,18 @@ def robot_with(
     if count != len(names):
         what = f'joints must be {count} names, one for each joint, not {list(names)}'
         raise InputError(what, 'joints')
+    _tell(loop.robot_model, getattr(module, 'doubts', lambda robot: ())(robot))
     return RobotModel(loop.robot_model, module, robot)
+
+
+@functools.lru_cache(maxsize=64)  # once in a process
+def _tell(name: str, doubts: tuple[str, ...]) -> None:
+    """Warn of what is doubtful in a machine."""
+    lines = [f'{name}: {printable(doubt)}' for doubt in doubts[:SHOWN]]
+    if len(doubts) > SHOWN:
+        lines.append(f'{name}: {len(doubts) - SHOWN} more; parallel_robot robot FILE tells all')
+    if lines:
+        warnings.warn('\n'.join(lines), DescriptionWarning, stacklevel=3)
 
 
 def rehearse(module: ModuleType) -> None:

@@ -155,9 +155,16 @@ def check_closed(source: str, parts: Assembly, closed: Array) -> None:
         )
 
 
-def told(
-    start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms, stopped: list[int]
-) -> Iterator[str]:
+def idle(parts: Assembly, freedoms: Freedoms, stopped: list[int]) -> Iterator[str]:
+    """Which joints are held that the user does not hold."""
+    if names := [parts.tree.links[i].name for i in freedoms.held if i not in stopped]:
+        yield (
+            'held where they are at home, as nothing drives them: '
+            f'{", ".join(map(printable, names))}'
+        )
+
+
+def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) -> Iterator[str]:
     """What was decided about joints and home, one line each.
 
     Args:
@@ -165,12 +172,8 @@ def told(
         closed: The positions there that close them [rad or m], shape (N,).
         parts: The machine at home.
         freedoms: Its joints.
-        stopped: Those that the user holds.
     """
     links = parts.tree.links
-    if idle := [links[i].name for i in freedoms.held if i not in stopped]:
-        names = ', '.join(map(printable, idle))
-        yield f'held where they are at home, as nothing drives them: {names}'
     yield from _of_home(start, closed, parts)
     yield from doubted(parts, freedoms)
     joints = {links[i].joint.name: links[i].joint for i in freedoms.passive}.values()

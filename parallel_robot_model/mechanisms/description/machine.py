@@ -23,7 +23,7 @@ from parallel_robot_model.mechanisms.description.assembly import (
     with_spins,
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
-from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, told
+from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, idle, told
 from parallel_robot_model.mechanisms.description.home import (
     check_singular,
     close,
@@ -245,7 +245,8 @@ class Machine(NamedTuple):
     # names and units of the m coordinates of the tool; empty: the pose is the actuated joints
     coordinates: tuple[tuple[str, str], ...]
     home_moved: float  # by how much the loops were open at the home that was asked for [m]
-    doubts: tuple[str, ...]  # what people should know of how the file was read, one line each
+    doubts: tuple[str, ...]  # what is left out of the file, or is doubtful in it, one line each
+    remarks: tuple[str, ...]  # what else was decided, one line each
 
 
 def machine(
@@ -335,10 +336,13 @@ def machine(
         doubts=(
             *description.doubts,
             *doubtful(description, parts.tree),
+            *told(start, closed, parts, freedoms),
+            *_weak(parts, freedoms, inertia, description.gravity),
+        ),
+        remarks=(
             *([] if tool else [NO_TOOL.format(printable(found.name))]),
             *([] if coordinates else [JOINTS_AS_POSE]),
-            *told(start, closed, parts, freedoms, stopped),
-            *_weak(parts, freedoms, inertia, description.gravity),
+            *idle(parts, freedoms, stopped),
         ),
     )
 

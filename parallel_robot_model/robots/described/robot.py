@@ -152,6 +152,10 @@ class DescribedRobot:
         names = [axis.name for axis in self.coordinates(robot)]
         return names in (['x', 'y'], ['x', 'y', 'phi'])
 
+    def doubts(self, robot: Parameters) -> tuple[str, ...]:
+        """What its file says and what is left out of it, or is doubtful, a line each."""
+        return self.machine(robot).doubts
+
     def orientations(self, robot: Parameters, poses: Array) -> Array:
         """Quaternions x, y, z, w of the tool at poses, shapes (N, 4) and (N, m)."""
         mechanism = self.machine(robot).mechanism
