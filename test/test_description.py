@@ -276,7 +276,7 @@ def test_sdf_is_its_urdf():
     )  # fmt: skip
     same = made(text)
     assert arm.names == ('hinge', 'slide') and arm.mechanism.gravity[2] == -5
-    assert arm.lower == (-np.inf, 0) and arm.upper == (np.inf, 2)
+    assert arm.lower == (-1, 0) and arm.upper == (np.inf, 2)
     for q in RNG.uniform(-1, 1, (3, 2)):
         np.testing.assert_allclose(Evaluated(arm, q).M, Evaluated(same, q).M, rtol=1e-12)
 
@@ -378,7 +378,7 @@ def test_axes_of_old_sdf_are_seen_from_the_model(version, axis):
         (robot(link('a'), link('b', 1e300), joint('j', 'a', 'b')), "'b' has a number that is not"),
         (robot(link('a'), link('b'), joint('j', 'a', 'b', xyz='1e12 0 0')), 'not below 1e.09'),
         (sdf(), 'has no links'),
-        (sdf(sdf_link('a'), sdf_joint('j', 'a', 'b')), "joint 'j' names an unknown link 'b'"),
+        (sdf(sdf_link('a'), sdf_joint('j', 'a', 'b')), "'j' names an unknown link or frame 'b'"),
         (sdf(sdf_link('a'), sdf_joint('j', 'world', 'a', 'gearbox')), "unknown type 'gearbox'"),
         (sdf(sdf_link('a'), sdf_joint('j', 'world', 'a', axis='')), "joint 'j' has no axis"),
         (sdf(sdf_link('a', of=' relative_to="b"'), sdf_link('b', of=' relative_to="a"')),

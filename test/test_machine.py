@@ -316,7 +316,7 @@ def changed(joint, attributes):
         (urdf().replace('<mass value="2"/>', '<mass value="20000"/>'), "'second' weighs 20000"),
         (urdf().replace('<mass value="2"/>', '<mass value="1e-9"/>'), 'than 1e-06 kg: second'),
         (urdf().replace('ixx="0.02"', 'ixx="0.09"'), "body 'second': no body has moments"),
-        (urdf('<loop_joint name="x"/>'), 'unknown elements are left out: <loop_joint>'),
+        (urdf('<loop_joint name="x"/>'), 'left out: <loop_joint> of <robot>, line '),
         (urdf(link('closing_1') + joint('c', 'first', 'closing_1', 'fixed')),
          'nothing closes the loops that links are named after: closing_1'),
         (urdf(link('stand')), 'links without a parent are fixed to the world: base, stand'),

@@ -179,7 +179,7 @@ def test_wrong_loops_are_refused(write, yaml, reason):
 def test_other_files_beside_a_urdf_do_not_matter(write):
     path = write('<robot/>', 'robot.urdf')
     write('controller: [1, 2]', 'robot.yaml')
-    assert text_of(path) == '<robot/>\n'
+    assert text_of(path) == '<?file robot.urdf?><robot/>\n'
 
 
 def test_a_text_is_that_of_its_own_text(write):

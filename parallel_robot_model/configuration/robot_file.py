@@ -18,18 +18,26 @@ COMMENT, DECLARATION = re.compile(b'<!--.*?-->', re.DOTALL), b'<?xml'
 DEEPEST = 200  # elements in one another
 MOST_ELEMENTS = 100_000  # elements in all
 MERGED = 'merged'  # the mark of a text whose lines are not those of one file
+FILE = 'file'  # the mark of the name of the file that a text is from
+TEXT = '#'  # in place of an attribute: the text of an element
 
 
 class Node(Element):
-    """An element of XML.
+    """An element of XML, which notes what was asked of it."""
 
-    Attributes:
-        line: The line on which it begins.
-        place: Its file, and the line if that is the one in the file.
-    """
+    line = 0  # on which it begins
+    source = ''  # what its file is called
+    place = ''  # its file, and the line if that is the one in the file
+    heard = False  # whether it was asked for
 
-    line = 0
-    place = ''
+    def __init__(self, *arguments: Any, **attributes: Any) -> None:
+        super().__init__(*arguments, **attributes)
+        self.asked: set[str] = set()  # attributes, kinds of elements in it, and TEXT
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """An attribute."""
+        self.asked.add(key)
+        return super().get(key, default)
 
 
 def parse_xml(content: bytes | str, source: str) -> Node:
@@ -65,21 +73,30 @@ def parse_xml(content: bytes | str, source: str) -> Node:
     return building.root
 
 
-def write_xml(root: Node, merged: bool = False) -> str:
+def write_xml(root: Node, merged: bool = False, name: str = '') -> str:
     """A tree as XML whose elements begin on the lines where they were read.
 
     Args:
         root: The outermost element.
         merged: Whether the elements come from several files; then lines mean nothing.
+        name: Of the file, which messages about the text name.
     """
     parts: list[str] = [f'<?{MERGED}?>'] if merged else []
+    parts += [f'<?{FILE} {printable(name).replace("?>", "")}?>'] if name else []
     _write(root, parts, 1)
     return ''.join(parts) + '\n'
 
 
 def children(node: Element, tag: str = '') -> list[Node]:
-    """The elements in an element, those of one kind if it is given."""
-    return [child for child in node if isinstance(child, Node) and child.tag == (tag or child.tag)]
+    """The elements in an element; those of one kind, which are then heard, if it is given."""
+    found = [
+        child for child in node if isinstance(child, Node) and child.tag == (tag or child.tag)
+    ]
+    if tag and isinstance(node, Node):
+        node.asked.add(tag)
+        for child in found:
+            child.heard = True
+    return found
 
 
 def describe(node: Node) -> str:
@@ -115,7 +132,7 @@ class _Building:
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         node = Node(tag, attributes)
-        node.line = self._parser.CurrentLineNumber
+        node.line, node.source = self._parser.CurrentLineNumber, self._source
         node.place = self._source if self._merged else self._place()
         self._count += 1
         if len(self._open) == DEEPEST:
@@ -138,8 +155,10 @@ class _Building:
     def refuse_doctype(self, *_: Any) -> None:
         raise InputError(f'{self._place()}: a robot needs no DOCTYPE and no entities')
 
-    def instruction(self, target: str, _: str) -> None:
+    def instruction(self, target: str, data: str) -> None:
         self._merged = self._merged or target == MERGED
+        if target == FILE and self.root is None:
+            self._source = data
 
     def _place(self) -> str:
         return f'{self._source}, line {self._parser.CurrentLineNumber}'
@@ -227,13 +246,30 @@ MOST_BYTES = 8 << 20  # bytes of a file
 FILES = 100  # that one description may include
 MACRO = 'holds macros; run `xacro {0} > robot.urdf` and name that file'
 
-PICTURES = {'visual', 'collision', 'material', 'sensor', 'light', 'camera', 'gazebo', 'plugin'}
+IDLE = {  # what of a URDF and an SDF has no effect on motion, wherever it stands
+    # for the eye
+    'visual', 'material', 'light', 'camera', 'gui', 'scene', 'projector', 'particle_emitter',
+    'spherical_coordinates', 'actor', 'road',
+    # contact and the way it is solved
+    'collision', 'mu1', 'mu2', 'fdir1', 'kp', 'kd', 'selfCollide', 'self_collide', 'maxVel',
+    'self_collision_checking', 'minDepth', 'maxContacts', 'max_contacts', 'laserRetro',
+    'drake:collision_filter_group', 'ode', 'bullet', 'simbody', 'dart', 'max_step_size',
+    'real_time_factor', 'real_time_update_rate', 'stopCfm', 'stopErp', 'cfmDamping',
+    'implicitSpringDamper', 'fudgeFactor', 'allow_auto_disable', 'must_be_base_link',
+    'preserveFixedJoint', 'disableFixedJointLumping',
+    # sensors and software
+    'sensor', 'plugin', 'audio', 'audio_sink', 'audio_source', 'battery', 'provideFeedback',
+    'provide_feedback', 'state_interface', 'gpio', 'hardware', 'hardwareInterface', 'calibration',
+    'magnetic_field', 'atmosphere', 'gripper', 'state', 'robotNamespace',
+    # gears between a motor and the joint to which all limits refer
+    'mechanicalReduction', 'mechanical_reduction', 'motorTorqueConstant',
+}  # fmt: skip
 DROPPED = {
     'mujoco': {
         'asset', 'visual', 'statistic', 'sensor', 'custom', 'size', 'light', 'camera', 'contact',
     },
-    'robot': PICTURES,
-    'sdf': PICTURES | {'gui', 'scene', 'physics', 'audio', 'wind', 'spherical_coordinates'},
+    'robot': IDLE,
+    'sdf': IDLE,
 }  # fmt: skip
 
 
@@ -265,7 +301,7 @@ def text_of(path: str | Path) -> str:
         _drop_geometry(root)
     if root.tag == 'robot':
         _add_loops(root, path)
-    return write_xml(root, merged)
+    return write_xml(root, merged, '' if root.tag == 'mujoco' else path.name)
 
 
 def _read(path: Path) -> Node:

@@ -1,8 +1,10 @@
-"""Links and joints of URDF and SDF as a tree of bodies and what closes its loops."""
+"""What URDF and SDF have in common: numbers, links, joints, a tree of them, what is left out."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import difflib
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -10,12 +12,16 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.robot_file import Node, children, refused
+from parallel_robot_model.configuration.robot_file import IDLE, TEXT, Node, children, refused
 from parallel_robot_model.mechanisms.description.parts import (
+    BALL,
     HINGE,
+    INFINITY,
     SLIDE,
     WORLD,
     Body,
+    Coupling,
+    Description,
     Frame,
     Joint,
     Loop,
@@ -23,14 +29,38 @@ from parallel_robot_model.mechanisms.description.parts import (
 )
 from parallel_robot_model.mechanisms.description.tree import joined
 
-# Numbers, vectors and frames in the attributes and texts of XML.
+# Numbers, vectors and frames in the attributes (URDF) and elements (SDF) of XML.
 
 MOMENTS = ('ixx', 'iyy', 'izz', 'ixy', 'ixz', 'iyz')
+ZERO = (0.0, 0.0, 0.0)
+
+Text = Callable[[Node | None, str], str | None]  # what an element says of a key, if anything
+Notes = defaultdict[str, list[str]]  # names by what is to be known of them
 
 
-def child(node: Node, tag: str) -> Node | None:
-    """The first element of a kind in an element."""
-    return next(iter(children(node, tag)), None)
+def child(node: Node | None, tag: str) -> Node | None:
+    """The first element of a kind in an element; others of it are left out."""
+    if node is None:
+        return None
+    node.asked.add(tag)
+    found = next((each for each in node if isinstance(each, Node) and each.tag == tag), None)
+    if found is not None:
+        found.heard = True
+    return found
+
+
+def of_attribute(node: Node | None, key: str) -> str | None:
+    """An attribute, where it is there."""
+    return None if node is None else node.get(key)
+
+
+def of_element(node: Node | None, key: str) -> str | None:
+    """The text of an element in an element, where it is there."""
+    found = child(node, key)
+    if found is None:
+        return None
+    found.asked.add(TEXT)
+    return (found.text or '').strip()
 
 
 def name_of(node: Node) -> str:
@@ -48,7 +78,7 @@ def attribute(node: Node, key: str) -> str:
     Raises:
         InputError: it is missing or empty.
     """
-    value = node.get(key, '')
+    value: str = node.get(key, '')
     if not value:
         raise refused(node, f'has no {key}')
     return value
@@ -76,28 +106,37 @@ def numbers(node: Node, text: str, what: str, count: int) -> Array:
     return found
 
 
-def number(node: Node | None, key: str, default: float = 0.0) -> float:
-    """A number in an attribute of an element that may be missing.
+def number(node: Node | None, key: str, default: float = 0.0, text: Text = of_attribute) -> float:
+    """A number of an element; the default where that or the element is missing.
 
     Raises:
         InputError: it is none.
     """
-    text = None if node is None else node.get(key)
-    if node is None or text is None:
+    found = text(node, key)
+    if node is None or found is None:
         return default
-    return float(numbers(node, text, key, 1)[0])
+    if abs(default) == INFINITY and found.strip().lstrip('+-') in ('inf', 'infinity'):
+        return float(found)  # a limit that is none
+    return float(numbers(_place(node, key), found, key, 1)[0])
 
 
-def vector(node: Node | None, key: str, default: tuple[float, ...]) -> Array:
-    """Numbers in an attribute of an element that may be missing, as many as by default.
+def vector(
+    node: Node | None, key: str, default: tuple[float, ...], text: Text = of_attribute
+) -> Array:
+    """Numbers of an element, as many as by default; those where it or they are missing.
 
     Raises:
         InputError: they are none, or more or fewer.
     """
-    text = None if node is None else node.get(key)
-    if node is None or text is None:
+    found = text(node, key)
+    if node is None or found is None:
         return np.array(default)
-    return numbers(node, text, key, len(default))
+    return numbers(_place(node, key), found, key, len(default))
+
+
+def _place(node: Node, key: str) -> Node:
+    """Where a number stands: in an element of its own, or in an attribute."""
+    return next((each for each in children(node) if each.tag == key), node)
 
 
 def unit(node: Node, axis: Array) -> Array:
@@ -120,23 +159,16 @@ def turned(roll: float, pitch: float, yaw: float) -> Array:
     return np.asarray(Rotation.from_euler('xyz', (roll, pitch, yaw)).as_matrix())
 
 
-def symmetric(moments: Array) -> Array:
-    """A symmetric matrix from ixx, iyy, izz, ixy, ixz, iyz, shape (3, 3)."""
-    xx, yy, zz, xy, xz, yz = moments
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def origin(node: Node | None) -> Frame:
-    """The frame that an element <origin> gives.
+def of_quaternion(node: Node, quaternion: Array) -> Array:
+    """Rotation of a quaternion x, y, z, w of about length one, shape (3, 3).
 
     Raises:
-        InputError: it holds no numbers.
+        InputError: it has another length.
     """
-    return Frame(
-        WORLD,
-        turned(*vector(node, 'rpy', (0.0, 0.0, 0.0))),
-        vector(node, 'xyz', (0.0, 0.0, 0.0)),
-    )
+    length = float(np.linalg.norm(quaternion))
+    if abs(length - 1.0) > ROUNDED:
+        raise refused(node, f'has a quaternion of length {length:.4g}, not 1')
+    return np.asarray(Rotation.from_quat(quaternion).as_matrix())
 
 
 def inverse(frame: Frame) -> Frame:
@@ -164,17 +196,56 @@ def unknown(node: Node, kind: str, name: str) -> InputError:
     return refused(node, f'names an unknown {kind} {printable(name)!r}')
 
 
-MOST = 1000  # links
-LEVER = 0.1  # m, between two points that keep an axis
+def is_true(text: str) -> bool:
+    """Whether a flag is set."""
+    return text.strip().lower() not in ('0', 'false')
 
 
-class Link(NamedTuple):
-    """A link before it has a place: name, mass [kg], centre [m] and inertia [kg m^2]."""
+def hear(node: Node | None) -> None:
+    """Take all of an element for heard: it has no effect where it stands."""
+    for each in () if node is None else node.iter():
+        assert isinstance(each, Node)
+        each.heard = True
+        each.asked |= {TEXT, *each.keys()}
 
-    name: str
-    mass: float = 0.0
-    centre: Array = np.zeros(3)
-    inertia: Array = np.zeros((3, 3))
+
+def left_out(root: Node) -> Iterator[str]:
+    """What of a description nothing asked for, one line for each kind of it with its places."""
+    lines: defaultdict[str, list[int]] = defaultdict(list)
+    waiting = [root]
+    for node in waiting:  # it grows
+        here = f'of <{node.tag}>'
+        for key in {*node.keys()} - node.asked - {'name'}:
+            if not key.startswith('xmlns'):
+                lines[f'{printable(key)} {here}{_near(key, node.asked)}'].append(node.line)
+        if node.text and TEXT not in node.asked:
+            lines[f'the text {here}'].append(node.line)
+        for each in children(node):
+            if each.heard:
+                waiting.append(each)
+            elif each.tag not in IDLE:
+                what = f'<{printable(each.tag)}> {here}{_near(str(each.tag), node.asked)}'
+                lines[what].append(each.line)
+    for what, places in sorted(lines.items(), key=lambda item: item[1]):
+        yield f'left out: {what}, line {listed(map(str, places))}'
+
+
+def _near(word: str, asked: Collection[str]) -> str:
+    found = difflib.get_close_matches(word, asked, n=1, cutoff=0.75)
+    return f' (did you mean {found[0]}?)' if found else ''
+
+
+# Links and joints.
+
+ROUNDED = 1e-3  # by which the length of a quaternion may differ from one
+AXES = np.eye(3)
+KINDS: dict[str, tuple[str, ...]] = {  # of joints, and what they are made of
+    'revolute': (HINGE,), 'continuous': (HINGE,), 'prismatic': (SLIDE,), 'fixed': (), 'link': (),
+    'ball': (BALL,), 'spherical': (BALL,), 'universal': (HINGE, HINGE),
+    'revolute2': (HINGE, HINGE), 'planar': (SLIDE, SLIDE, HINGE),
+    'floating': (SLIDE, SLIDE, SLIDE, BALL),
+}  # fmt: skip
+ENDINGS = (), ('',), ('.1', '.2'), ('.px', '.py', ''), ('.px', '.py', '.pz', '')  # of names
 
 
 class Edge(NamedTuple):
@@ -191,42 +262,188 @@ class Edge(NamedTuple):
     steps: tuple[Joint, ...]
 
 
-class Graph(NamedTuple):
-    """The bodies, joints and loops that links and joints make; `places` are links by name."""
+def link(
+    node: Node, inertial: Node | None, frame: Frame, mass: float, text: Text, default: float
+) -> Body:
+    """A link before it has a place.
 
-    bodies: list[Body]
-    joints: list[Joint]
-    loops: list[Loop]
-    places: dict[str, int]
+    Args:
+        node: Its element.
+        inertial: Where its moments stand.
+        frame: To what they and its centre refer.
+        mass: Its mass [kg].
+        text: How the format says a number.
+        default: Moments of inertia that are not written [kg m^2].
+
+    Raises:
+        InputError: a number is none, or the mass is negative.
+    """
+    if mass < 0.0:
+        raise refused(node, f'has a negative mass, {mass:g} kg')
+    moments = child(inertial, 'inertia')
+    xx, yy, zz, xy, xz, yz = (
+        number(moments, key, default if key[1] == key[2] else 0.0, text) for key in MOMENTS
+    )
+    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    turned_inertia = frame.rotation @ inertia @ frame.rotation.T
+    return Body(name_of(node), WORLD, np.eye(3), np.zeros(3), mass, frame.position, turned_inertia)
 
 
-def built(
+def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
+    """The hinges, slides and balls of a joint.
+
+    Args:
+        node: Its element.
+        kind: Its type.
+        axes: Its axes, in its frame.
+
+    Raises:
+        InputError: there is no such type, or it needs more axes.
+    """
+    if kind not in KINDS:
+        known = ', '.join(KINDS)
+        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
+    kinds = KINDS[kind]
+    if kind == 'planar' and len(axes):
+        normal = unit(node, axes[0])
+        second = np.cross(normal, AXES[np.argmin(np.abs(normal))])
+        second /= np.linalg.norm(second)
+        axes = np.cross(second, normal), second, normal
+    if kinds[-1:] == (BALL,):
+        axes = [*AXES[: len(kinds) - 1], AXES[2]]
+    if len(axes) < len(kinds):
+        raise refused(node, 'has one axis, and needs two' if len(axes) else 'has no axis')
+    return tuple(
+        Joint(name, WORLD, of, unit(node, np.asarray(axis)))
+        for name, of, axis in zip(ENDINGS[len(kinds)], kinds, axes, strict=False)
+    )
+
+
+def acted_on(
+    step: Joint, name: str, limit: Node | None, dynamics: Node | None, text: Text, notes: Notes
+) -> Joint:
+    """A hinge or slide with its friction, and its limits of effort and speed.
+
+    Args:
+        step: It.
+        name: Of the joint.
+        limit: An element, if there is one.
+        dynamics: Another.
+        text: How the format says a number.
+        notes: Takes what people should know.
+
+    Raises:
+        InputError: a number is none.
+    """
+    urdf, greatest = text is of_attribute, []
+    for key in ('effort', 'velocity'):
+        value = number(limit, key, INFINITY, text)
+        none = value in (0.0, -1.0) or (value < 0.0 and not urdf)
+        if value == 0.0 or (none and urdf):
+            notes[f'{key}={value:g} is taken for no limit'].append(name)
+        elif value < 0.0 and urdf:  # the magnitude of what it limits is below that of the limit
+            notes[f'{key}={value:g} is taken for {-value:g}'].append(name)
+        greatest.append(INFINITY if none else abs(value))
+    effort, velocity = greatest
+    stiffness = 0.0 if urdf else number(dynamics, 'spring_stiffness', 0.0, text)
+    return step._replace(
+        effort=(-effort, effort),
+        velocity=velocity,
+        damping=(number(dynamics, 'damping', 0.0, text),),
+        coulomb=number(dynamics, 'friction', 0.0, text),
+        stiffness=(stiffness,) if stiffness else (),
+        rest=0.0 if urdf else number(dynamics, 'spring_reference', 0.0, text),
+    )
+
+
+def followers(joints: dict[str, Node], text: Text) -> list[Coupling]:
+    """The joints that follow others: position = ratio (other - reference) + offset.
+
+    Args:
+        joints: Elements by name.
+        text: How the format says a number.
+
+    Raises:
+        InputError: a joint is unknown, or a number is none.
+    """
+    found = []
+    for name, node in joints.items():
+        mimic, how = child(node if text is of_attribute else child(node, 'axis'), 'mimic'), text
+        if mimic is None:
+            mimic, how = child(node, 'drake:mimic'), of_attribute
+        if mimic is None or not KINDS.get(node.get('type')):
+            continue
+        other = attribute(mimic, 'joint')
+        if other not in joints or other == name:
+            raise unknown(node, 'joint', other)
+        ratio, offset = number(mimic, 'multiplier', 1.0, how), number(mimic, 'offset', 0.0, how)
+        if how is of_element:
+            offset -= ratio * number(mimic, 'reference', 0.0, how)
+        found.append(Coupling(f'mimic of {name}', name, other, ratio, offset))
+    return found
+
+
+def check_held(description: Description, edges: Sequence[Edge]) -> None:
+    """Refuse joints that leave a link all freedoms, or those of a plane, and that no loop holds.
+
+    Raises:
+        InputError: there is one.
+    """
+    held: set[int] = set()
+    for each in description.loops:
+        held |= _above(description, each.first) ^ _above(description, each.second)
+    for edge in edges:
+        if len(edge.steps) > 2 and description.frames[edge.child].body not in held:
+            what = 'floats' if edge.steps[-1].kind == BALL else 'slides in a plane'
+            raise refused(
+                edge.node, f'{what}, and no loop holds it; a robot must be fixed to the world'
+            )
+
+
+def _above(description: Description, frame: Frame) -> set[int]:
+    """The bodies from that of a frame down to the world."""
+    found, body = set(), frame.body
+    while body != WORLD:
+        found.add(body)
+        body = description.bodies[body].parent
+    return found
+
+
+# A tree spread over links and joints; the joints that are left close its loops.
+
+MOST = 1000  # links
+LEVER = 0.1  # m, between two points that keep an axis
+
+
+def spread(
     source: str,
-    links: Sequence[Link],
+    links: Sequence[Body],
     edges: Sequence[Edge],
     fixed: Sequence[str],
     both_ways: bool,
     driven: Collection[str] = (),
-) -> Graph:
-    """Spread a tree over links and joints; a joint that finds its child in place closes a loop.
+) -> Description:
+    """The bodies, joints, loops and frames that links and joints make; no more is known yet.
 
     Args:
         source: What the file is called in messages.
-        links: All links.
-        edges: The joints.
+        links: All links, without places.
+        edges: The joints; one that finds its child in place closes a loop.
         fixed: Links that do not move.
         both_ways: Whether a joint may carry its parent.
         driven: Joints that are actuated.
 
     Raises:
-        InputError: there are too many links, or some hang on no link that is fixed.
+        InputError: there are none or too many links, or some hang on no link that is fixed.
     """
+    if not links:
+        raise InputError(f'{source} has no links')
     if len(links) > MOST:
         raise InputError(f'{source} has {len(links)} links; {MOST} are possible')
-    graph = Graph([], [], [], {})
-    known = {link.name: link for link in links}
+    growing = _Growing()
+    known = {each.name: each for each in links}
     for name in fixed:
-        _place(graph, known[name], Frame(WORLD))
+        growing.place(known[name], Frame(WORLD))
     reached, waiting = list(fixed), list(edges)
     for name in reached:  # it grows
         for edge in [edge for edge in waiting if name in (edge.parent, edge.child)]:
@@ -234,41 +451,74 @@ def built(
             if way is None:
                 continue
             waiting.remove(edge)
-            if way.child in graph.places:
-                _close(graph, edge, driven)
+            if way.child in growing.frames:
+                growing.close(edge, driven)
             else:
-                _carry(graph, known[way.child], way)
+                growing.carry(known[way.child], way)
                 reached.append(way.child)
-    if left := [link.name for link in links if link.name not in graph.places]:
+    if left := [each.name for each in links if each.name not in growing.frames]:
         what = (
             'that no joints join to the world'
             if both_ways
             else 'that carry each other in a circle'
         )
         raise InputError(f'{source}: links {what}: {listed(left)}')
-    return graph
+    nothing = np.zeros(3)
+    return Description(
+        source, tuple(growing.bodies), tuple(growing.joints), tuple(growing.loops),
+        (), (), (), growing.frames, {}, nothing, (),
+    )  # fmt: skip
 
 
-def _place(graph: Graph, link: Link, at: Frame) -> int:
-    graph.places[link.name] = len(graph.bodies)
-    graph.bodies.append(Body(link.name, at.body, at.rotation, at.position, *link[1:]))
-    return len(graph.bodies) - 1
+class _Growing:
+    """Bodies, joints and loops so far, and the frames of links by name."""
 
+    def __init__(self) -> None:
+        self.bodies: list[Body] = []
+        self.joints: list[Joint] = []
+        self.loops: list[Loop] = []
+        self.frames: dict[str, Frame] = {}
 
-def _carry(graph: Graph, link: Link, edge: Edge) -> int:
-    """Add a link that hangs on a joint."""
-    at = joined(joined(Frame(graph.places[edge.parent]), edge.at), inverse(edge.back))
-    body = _place(graph, link, at)
-    for step in edge.steps:
-        graph.joints.append(
-            step._replace(
-                name=edge.name + step.name,
-                body=body,
-                axis=edge.back.rotation @ step.axis,
-                anchor=edge.back.position,
-            )
+    def place(self, link: Body, at: Frame) -> Frame:
+        frame = Frame(len(self.bodies))
+        self.frames[link.name] = frame
+        placed = link._replace(parent=at.body, rotation=at.rotation, position=at.position)
+        self.bodies.append(placed)
+        return frame
+
+    def carry(self, link: Body, edge: Edge) -> Frame:
+        """Add a link that hangs on a joint."""
+        frame = self.place(
+            link, joined(joined(self.frames[edge.parent], edge.at), inverse(edge.back))
         )
-    return body
+        for step in edge.steps:
+            self.joints.append(
+                step._replace(
+                    name=edge.name + step.name,
+                    body=frame.body,
+                    axis=edge.back.rotation @ step.axis,
+                    anchor=edge.back.position,
+                )
+            )
+        return frame
+
+    def close(self, edge: Edge, driven: Collection[str]) -> None:
+        """Close a loop with a joint."""
+        first = joined(self.frames[edge.parent], edge.at)
+        second = joined(self.frames[edge.child], edge.back)
+        steps, last = edge.steps[:-1], edge.steps[-1:]
+        if edge.name in driven or (last and last[0].kind == SLIDE):
+            steps, last = edge.steps, ()
+        if steps:  # what the loop cannot say is a joint of a body without mass
+            own = Body(f'{edge.name} (end)', WORLD, np.eye(3), np.zeros(3))
+            first = self.carry(own, edge._replace(back=Frame(WORLD), steps=steps))
+        if last and last[0].kind == HINGE:
+            for arm in (np.zeros(3), LEVER * last[0].axis):
+                lever = Frame(WORLD, position=arm)
+                ends = joined(first, lever), joined(second, lever)
+                self.loops.append(Loop(edge.name, ends[0], ends[1], False))
+        else:
+            self.loops.append(Loop(edge.name, first, second, not last))
 
 
 def _reversed(edge: Edge) -> Edge:
@@ -277,22 +527,3 @@ def _reversed(edge: Edge) -> Edge:
     return edge._replace(
         parent=edge.child, child=edge.parent, at=edge.back, back=edge.at, steps=steps
     )
-
-
-def _close(graph: Graph, edge: Edge, driven: Collection[str]) -> None:
-    """Close a loop with a joint."""
-    first = joined(Frame(graph.places[edge.parent]), edge.at)
-    second = joined(Frame(graph.places[edge.child]), edge.back)
-    steps, last = edge.steps[:-1], edge.steps[-1:]
-    if edge.name in driven or (last and last[0].kind == SLIDE):
-        steps, last = edge.steps, ()
-    if steps:  # what the loop cannot say is a joint of a body without mass
-        own = edge._replace(child=f'{edge.name} (end)', back=Frame(WORLD), steps=steps)
-        first = Frame(_carry(graph, Link(own.child), own))
-    if last and last[0].kind == HINGE:
-        for arm in (np.zeros(3), LEVER * last[0].axis):
-            lever = Frame(WORLD, position=arm)
-            ends = joined(first, lever), joined(second, lever)
-            graph.loops.append(Loop(edge.name, ends[0], ends[1], False))
-    else:
-        graph.loops.append(Loop(edge.name, first, second, not last))

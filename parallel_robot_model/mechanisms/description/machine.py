@@ -41,8 +41,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     check_bounds,
     independent,
     listed,
-    slides_of,
     null_space,
+    slides_of,
 )
 from parallel_robot_model.mechanisms.description.tree import (
     Freedoms,
@@ -459,7 +459,7 @@ def read(text: str, source: str = 'description') -> Description:
         if root.tag == 'mujoco':
             description = mjcf.read(root, source, merged)
         else:
-            description = READERS[str(root.tag)](root, source)
+            description = READERS[str(root.tag)](root, root.source)
     return checked(description)
 
 

@@ -2,34 +2,45 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.robot_file import Node, children, refused
+from parallel_robot_model.configuration.robot_file import TEXT, Node, children, refused
 from parallel_robot_model.mechanisms.description.graph import (
-    MOMENTS,
     Edge,
-    Link,
+    Notes,
+    acted_on,
     attribute,
-    built,
+    check_held,
     child,
+    followers,
+    hear,
     inverse,
+    is_true,
+    left_out,
+    link,
     name_of,
+    number,
     numbers,
-    symmetric,
+    of_element,
+    of_quaternion,
+    spread,
+    steps,
     turned,
     unique,
-    unit,
     unknown,
+    vector,
 )
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
-    HINGE,
-    SLIDE,
+    INFINITY,
     UNLIMITED,
     WORLD,
-    Coupling,
+    Body,
     Description,
     Frame,
     Joint,
@@ -40,7 +51,7 @@ from parallel_robot_model.mechanisms.description.tree import joined
 # Where the links, joints and frames of an SDF model are, each relative to another.
 
 OWN = '__model__'  # the frame of the model
-WORLD_NAME = 'world'
+BASE = 'world'  # what SDF calls the world
 
 
 def pose(node: Node | None) -> Frame:
@@ -49,12 +60,18 @@ def pose(node: Node | None) -> Frame:
     Raises:
         InputError: it holds no numbers.
     """
-    if node is None or not (node.text or '').strip():
+    if node is None:
         return Frame(WORLD)
-    if node.get('rotation_format', 'euler_rpy') != 'euler_rpy':
-        raise refused(node, 'must be x y z roll pitch yaw')
-    x, y, z, *angles = numbers(node, node.text or '', 'pose', 6)
-    if node.get('degrees') == 'true':
+    node.asked |= {TEXT, 'relative_to', 'frame'}
+    way, text = node.get('rotation_format', 'euler_rpy'), node.text or ''
+    degrees = is_true(node.get('degrees', 'false'))
+    if way == 'quat_xyzw':
+        found = numbers(node, text or '0 0 0 0 0 0 1', 'pose', 7)
+        return Frame(WORLD, of_quaternion(node, found[3:]), found[:3])
+    if way != 'euler_rpy':
+        raise refused(node, f'rotation_format={printable(way)!r} must be euler_rpy or quat_xyzw')
+    x, y, z, *angles = numbers(node, text or '0 0 0 0 0 0', 'pose', 6)
+    if degrees:
         angles = [float(np.radians(angle)) for angle in angles]
     return Frame(WORLD, turned(*angles), np.array([x, y, z]))
 
@@ -62,29 +79,39 @@ def pose(node: Node | None) -> Frame:
 class Poses:
     """Frames of a model in the world at the zero of its joints."""
 
-    def __init__(self, model: Node, axes_in_model: bool) -> None:
+    def __init__(
+        self,
+        model: Node,
+        axes_in_model: bool,
+        nodes: Sequence[Node] = (),
+        places: Mapping[str, Frame] | None = None,
+    ) -> None:
         """Note what has a name.
 
         Args:
-            model: The element <model>.
+            model: The element <model>, or <world>.
             axes_in_model: Whether axes of joints are seen from the model.
+            nodes: More of its joints.
+            places: Links whose places are known.
         """
-        self._nodes = {
-            name_of(node): node
-            for tag in ('frame', 'joint', 'link')
-            for node in children(model, tag)
-        }
-        # the frame of the model, and whether axes of joints are seen from it
-        self.model, self.axes_in_model = pose(child(model, 'pose')), axes_in_model
-        self._found: dict[str, Frame] = {}
+        self._own = [each for tag in TAGS for each in children(model, tag)]
+        self._nodes = {name_of(node): node for node in (*self._own, *nodes)}
+        self._found: dict[str, Frame] = dict(places or {})
+        self._links = [name_of(each) for each in self._own if each.tag == 'link']
+        self._links += self._found
+        self._canonical = model.get('canonical_link') or next(iter(self._links), '')
+        self.model, self.axes_in_model = Frame(WORLD), axes_in_model
 
-    def of_link(self, name: str) -> Frame:
-        """A link, or the world."""
-        return Frame(WORLD) if name == WORLD_NAME else self.of(self._nodes[name], name)
-
-    def of_joint(self, node: Node) -> Frame:
-        """The frame of a joint."""
-        return self.of(node, name_of(node))
+    def move(self, model: Node, world: Poses) -> None:
+        """Place the model in the world as it says."""
+        at, placed = child(model, 'pose'), model.get('placement_frame')
+        start = _named(at)
+        first = world.of(model, start) if start else Frame(WORLD)
+        here = joined(first, pose(at))
+        if placed:
+            here = joined(here, inverse(self.of(model, placed)))
+        self._found.clear()
+        self.model = here
 
     def of(self, asking: Node, name: str) -> Frame:
         """What has a name.
@@ -93,54 +120,71 @@ class Poses:
             InputError: nothing has, or it is relative to itself.
         """
         chain: list[Node] = []
-        while name not in self._found and name not in (OWN, WORLD_NAME):
+        while name not in self._found and name not in (OWN, BASE):
             node = self._nodes.get(name)
             if node is None:
-                raise unknown(asking, 'frame', name)
+                raise unknown(chain[-1] if chain else asking, 'frame', name)
             if node in chain:
                 raise refused(node, 'has a pose that is relative to itself')
             chain.append(node)
             name = _relative(node)
-        frame = Frame(WORLD) if name == WORLD_NAME else self._found.get(name, self.model)
+        frame = Frame(WORLD) if name == BASE else self._found.get(name, self.model)
         for node in reversed(chain):
             frame = joined(frame, pose(child(node, 'pose')))
             self._found[name_of(node)] = frame
         return frame
 
-    def on_link(self, node: Node, links: dict[str, Frame]) -> Frame:
-        """A frame of the model on the link that it is attached to."""
-        link = node.get('attached_to', '')
+    def carrier(self, asking: Node, name: str) -> str:
+        """The link that carries a link, frame or joint, or the world.
+
+        Raises:
+            InputError: there is no such thing, or it is attached to itself.
+        """
         seen = set()
-        while link in self._nodes and link not in links and link not in seen:
-            seen.add(link)
-            link = self._nodes[link].get('attached_to', '')
-        if link not in links:
-            return self.of(node, name_of(node))
-        return joined(
-            links[link], joined(inverse(self.of_link(link)), self.of(node, name_of(node)))
-        )
+        while name != BASE and name not in self._links:
+            node = self._nodes.get(name)
+            if node is None and name != OWN:
+                raise unknown(asking, 'link or frame', name)
+            if name in seen:
+                raise refused(asking, f'hangs on {printable(name)!r}, which hangs on itself')
+            seen.add(name)
+            if node is None:
+                name = self._canonical
+            elif node.tag == 'joint':
+                name = of_element(node, 'child') or ''
+            else:
+                name = node.get('attached_to') or OWN
+        return name
+
+    def on_link(self, node: Node, frames: Mapping[str, Frame]) -> Frame:
+        """A frame of the model on the link that carries it."""
+        name = self.carrier(node, name_of(node))
+        here = joined(inverse(self.of(node, name)), self.of(node, name_of(node)))
+        return joined(frames[name], here)
+
+
+TAGS = 'frame', 'joint', 'link'
+
+
+def _named(at: Node | None) -> str:
+    """The name of what a pose is relative to, if it says so."""
+    return '' if at is None else at.get('relative_to') or at.get('frame') or ''
 
 
 def _relative(node: Node) -> str:
     """The name of what the pose of an element is relative to."""
-    own = child(node, 'pose')
-    named = '' if own is None else own.get('relative_to') or own.get('frame') or ''
+    named = _named(child(node, 'pose'))
     if named or node.tag == 'link':
         return named or OWN
     if node.tag == 'joint':
-        carried = child(node, 'child')
-        return OWN if carried is None else (carried.text or '').strip()
+        return of_element(node, 'child') or OWN
     return node.get('attached_to') or OWN
 
 
-BASE = 'world'  # what SDF calls the world
-KINDS = {
-    'revolute': (HINGE,), 'continuous': (HINGE,), 'prismatic': (SLIDE,), 'fixed': (),
-    'ball': (BALL,), 'universal': (HINGE, HINGE), 'revolute2': (HINGE, HINGE),
-}  # fmt: skip
 GRAVITY = 0.0, 0.0, -9.8  # m/s^2, of SDF
 ENDLESS = 1e16  # for SDF
 AXES_IN_JOINTS = 1, 5  # version since which axes are seen from joints, not from the model
+OFTEN_OFF = 'enable_wind', 'kinematic', 'wind', 'velocity_decay'  # zero: without effect
 
 
 def read(root: Node, source: str) -> Description:
@@ -156,35 +200,35 @@ def read(root: Node, source: str) -> Description:
     """
     world = child(root, 'world')
     model = _model(root if world is None else world, source)
-    links = {name: _link(node) for name, node in unique(children(model, 'link')).items()}
-    joints = unique(children(model, 'joint'))
+    notes: Notes = defaultdict(list)
     poses = Poses(model, _version(root) < AXES_IN_JOINTS)
-    edges = [_edge(node, links, poses) for node in joints.values()]
-    doubts, start = [], []
-    if BASE not in {end for edge in edges for end in (edge.parent, edge.child)}:
-        if not links:
-            raise InputError(f'{source} has no links')
-        first = next(iter(links))
-        doubts.append(f'no joint fixes a link to the world: {printable(first)!r} is held')
-        edges.append(Edge(model, BASE, BASE, first, poses.of_link(first), Frame(WORLD), ()))
-    start = [Link(BASE), *links.values()]
-    graph = built(source, start, edges, [BASE], True)
-    frames = {name: Frame(body) for name, body in graph.places.items()}
+    poses.move(model, Poses(Node('world') if world is None else world, False))
+    weightless = not is_true(of_element(model, 'gravity') or '1')
+    nodes = unique(children(model, 'link')).values()
+    links = [_link(node, weightless) for node in nodes]
+    joints = unique(children(model, 'joint'))
+    edges = [edge(node, poses, notes) for node in joints.values()]
+    if links and BASE not in {end for each in edges for end in (each.parent, each.child)}:
+        first = links[0].name
+        notes['no joint fixes a link to the world, held is'].append(first)
+        edges.append(Edge(model, BASE, BASE, first, poses.of(model, first), Frame(WORLD), ()))
+    base = Body(BASE, WORLD, np.eye(3), np.zeros(3))
+    found = spread(source, [base, *links] if links else [], edges, [BASE], True)
+    check_held(found, edges)
+    frames = found.frames
     for node in children(model, 'frame'):
-        frames.setdefault(name_of(node), poses.on_link(node, frames))
-    gravity = None if world is None else child(world, 'gravity')
-    return Description(
-        source=source,
-        bodies=tuple(graph.bodies),
-        joints=tuple(graph.joints),
-        loops=tuple(graph.loops),
-        couplings=tuple(_mimics(joints)),
-        tendons=(),
-        actuators=(),
-        frames=frames,
-        keyframes={},
-        gravity=np.array(GRAVITY) if gravity is None else _texts(gravity, 3),
-        doubts=tuple(doubts),
+        frames.setdefault(name_of(node), poses.on_link(node, found.frames))
+    physics = [] if world is None else children(world, 'physics')
+    owners = [each for each in (world, *physics) if each is not None]
+    owner = next((each for each in owners if each.find('gravity') is not None), None)
+    gravity = vector(owner, 'gravity', GRAVITY, of_element)
+    for each in physics:  # gravity stood there before SDF 1.6
+        hear(each)
+    doubts = [f'{what}: {listed(names)}' for what, names in notes.items()]
+    return found._replace(
+        couplings=tuple(followers(joints, of_element)),
+        gravity=gravity,
+        doubts=(*doubts, *left_out(root)),
     )
 
 
@@ -201,8 +245,13 @@ def _model(parent: Node, source: str) -> Node:
         if found is not None:  # an element without children counts as false
             assert isinstance(found, Node)
             raise refused(found, 'is another file; write its model in its place')
+    for node in children(parent, 'joint'):
+        raise refused(node, 'joins models; write it and its links in one model')
     models = children(parent, 'model')
-    moving = [node for node in models if _text(node, 'static') not in ('1', 'true')]
+    still = [node for node in models if is_true(of_element(node, 'static') or '0')]
+    moving = [node for node in models if node not in still]
+    for node in still:
+        hear(node)
     if not moving:
         raise InputError(f'{source} has no model that moves')
     if len(moving) > 1:
@@ -211,107 +260,88 @@ def _model(parent: Node, source: str) -> Node:
     nested = child(moving[0], 'model')
     if nested is not None:
         raise refused(nested, 'is a model in a model; write its links in the outer one')
+    for node in parent, moving[0], *children(moving[0], 'link'):
+        for each in (each for tag in OFTEN_OFF for each in children(node, tag)):
+            words = ' '.join(each.itertext()).lower().split()
+            each.heard = False
+            if all(word.strip('-0.') in ('', 'false') for word in words):
+                hear(each)
     return moving[0]
 
 
-def _text(node: Node | None, tag: str, default: str = '') -> str:
-    """The text of an element in an element."""
-    found = None if node is None else child(node, tag)
-    return default if found is None else (found.text or '').strip()
-
-
-def _texts(node: Node, count: int) -> Array:
-    return numbers(node, node.text or '', str(node.tag), count)
-
-
-def _number(node: Node | None, tag: str, default: float = 0.0) -> float:
-    found = None if node is None else child(node, tag)
-    return default if found is None else float(_texts(found, 1)[0])
-
-
-def _link(node: Node) -> Link:
+def _link(node: Node, weightless: bool) -> Body:
     inertial = child(node, 'inertial')
-    if inertial is None:
-        return Link(name_of(node), 1.0, np.zeros(3), np.eye(3))  # the defaults of SDF
-    if inertial.get('auto') == 'true':
+    frame = pose(child(inertial, 'pose'))
+    if inertial is not None and inertial.get('auto') == 'true':
         raise refused(node, 'has an inertia that follows from its shapes; write its numbers')
-    frame, moments = pose(child(inertial, 'pose')), child(inertial, 'inertia')
-    inertia = symmetric(
-        np.array([_number(moments, key, float(key[1] == key[2])) for key in MOMENTS])
-    )
-    mass = _number(inertial, 'mass', 1.0)
-    if mass < 0.0:
-        raise refused(node, f'has a negative mass, {mass:g} kg')
-    return Link(name_of(node), mass, frame.position, frame.rotation @ inertia @ frame.rotation.T)
+    mass = number(inertial, 'mass', 1.0, of_element)  # the defaults of SDF
+    found = link(node, inertial, frame, mass, of_element, 1.0)
+    weightless = weightless or not is_true(of_element(node, 'gravity') or '1')
+    return found._replace(lifted=float(weightless))
 
 
-def _edge(node: Node, links: dict[str, Link], poses: Poses) -> Edge:
-    ends = [_text(node, tag) for tag in ('parent', 'child')]
-    for name in ends:
-        if name != BASE and name not in links:
-            raise unknown(node, 'link', name)
+def edge(node: Node, poses: Poses, notes: Notes) -> Edge:
+    """A joint.
+
+    Args:
+        node: Its element.
+        poses: Where what it names is.
+        notes: Takes what people should know.
+
+    Raises:
+        InputError: it names what is not there, or is no joint that this suite knows.
+    """
+    ends = []
+    for tag in ('parent', 'child'):
+        name = of_element(node, tag)
+        if not name:
+            raise refused(node, f'has no {tag}')
+        ends.append(poses.carrier(node, name))
     if ends[0] == ends[1]:
         raise refused(node, f'joins the link {printable(ends[0])!r} with itself')
-    kind = attribute(node, 'type')
-    if kind not in KINDS:
-        known = ', '.join(KINDS)
-        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
-    here = poses.of_joint(node)
-    sides = [joined(inverse(poses.of_link(name)), here) for name in ends]
-    kinds = KINDS[kind]
-    suffixes = ('.1', '.2') if len(kinds) == 2 else ('',)
-    axes = [child(node, tag) for tag in ('axis', 'axis2')]
-    steps = tuple(
-        _step(node, axis, of, suffix, poses, here, kind)
-        for of, axis, suffix in zip(kinds, axes, suffixes, strict=False)
+    kind, name = attribute(node, 'type'), name_of(node)
+    here = poses.of(node, name)
+    sides = [joined(inverse(poses.of(node, end)), here) for end in ends]
+    axes = [each for tag in ('axis', 'axis2') if (each := child(node, tag)) is not None]
+    how = list(steps(node, kind, [_direction(node, axis, poses, here) for axis in axes]))
+    for i, (step, axis) in enumerate(zip(how, axes, strict=False)):
+        how[i] = _limited(step, name, axis, kind, notes)
+    for axis in axes[len(how) :]:  # of a fixed joint
+        hear(axis)
+    child(node, 'physics')
+    rotor, ratio = (
+        number(node, f'drake:{key}', default, of_element)
+        for key, default in (('rotor_inertia', 0.0), ('gear_ratio', 1.0))
     )
-    return Edge(node, name_of(node), ends[0], ends[1], sides[0], sides[1], steps)
+    if how and rotor:
+        how[0] = how[0]._replace(armature=rotor * ratio**2)
+    return Edge(node, name, ends[0], ends[1], sides[0], sides[1], tuple(how))
 
 
-def _step(
-    node: Node, axis: Node | None, kind: str, name: str, poses: Poses, here: Frame, joint: str
-) -> Joint:
-    """A hinge, a slide or a ball with its axis in the frame of the joint."""
-    direction = None if axis is None else child(axis, 'xyz')
-    if direction is None and kind != BALL:
-        raise refused(node, 'has no axis')
-    vector = np.array((0.0, 0.0, 1.0)) if direction is None else _texts(direction, 3)
-    seen_from = '' if direction is None else direction.get('expressed_in', '')
-    if poses.axes_in_model or _text(axis, 'use_parent_model_frame') in ('1', 'true'):
-        vector = here.rotation.T @ poses.model.rotation @ vector
+def _direction(node: Node, axis: Node, poses: Poses, here: Frame) -> Array:
+    """An axis in the frame of its joint."""
+    of_model = is_true(of_element(axis, 'use_parent_model_frame') or '0')
+    direction, vertical = child(axis, 'xyz'), (0.0, 0.0, 1.0)
+    if direction is None:
+        return np.array(vertical)
+    seen_from = direction.get('expressed_in', '')
+    found = vector(axis, 'xyz', vertical, of_element)
+    if poses.axes_in_model or of_model:
+        found = here.rotation.T @ poses.model.rotation @ found
     elif seen_from:
-        vector = here.rotation.T @ poses.of(node, seen_from).rotation @ vector
-    limit, dynamics = (None if axis is None else child(axis, tag) for tag in ('limit', 'dynamics'))
-    lower, upper = _number(limit, 'lower', -np.inf), _number(limit, 'upper', np.inf)
-    if joint == 'continuous' or max(abs(lower), abs(upper)) >= ENDLESS:
-        lower, upper = -np.inf, np.inf
-    effort, velocity = _number(limit, 'effort', -1.0), _number(limit, 'velocity', -1.0)
-    return Joint(
-        name=name,
-        body=WORLD,
-        kind=kind,
-        axis=unit(node, vector),
-        lower=lower,
-        upper=upper,
-        effort=(-effort, effort) if effort > 0.0 else UNLIMITED,
-        velocity=velocity if velocity > 0.0 else np.inf,
-        damping=(_number(dynamics, 'damping'),),
-        coulomb=_number(dynamics, 'friction'),
-    )
-
-
-def _mimics(joints: dict[str, Node]) -> list[Coupling]:
-    """The joints that follow others: position = ratio (other - reference) + offset."""
-    found = []
-    for name, node in joints.items():
-        axis = child(node, 'axis')
-        mimic = None if axis is None else child(axis, 'mimic')
-        if mimic is None:
-            continue
-        other = attribute(mimic, 'joint')
-        if other not in joints or other == name:
-            raise unknown(node, 'joint', other)
-        ratio = _number(mimic, 'multiplier', 1.0)
-        offset = _number(mimic, 'offset') - ratio * _number(mimic, 'reference')
-        found.append(Coupling(f'mimic of {name}', name, other, ratio, offset))
+        found = here.rotation.T @ poses.of(node, seen_from).rotation @ found
     return found
+
+
+def _limited(step: Joint, name: str, axis: Node, kind: str, notes: Notes) -> Joint:
+    """A joint with what acts on it, and its limits."""
+    limit = child(axis, 'limit')
+    step = acted_on(step, name, limit, child(axis, 'dynamics'), of_element, notes)
+    lower = number(limit, 'lower', -INFINITY, of_element)
+    upper = number(limit, 'upper', INFINITY, of_element)
+    if kind == 'continuous' or step.kind == BALL:
+        lower, upper = UNLIMITED
+    return step._replace(
+        lower=lower if lower > -ENDLESS else -INFINITY,
+        upper=upper if upper < ENDLESS else INFINITY,
+    )

@@ -3,56 +3,71 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.configuration.robot_file import Node, children, refused
+from parallel_robot_model.common.errors import printable
+from parallel_robot_model.configuration.robot_file import TEXT, Node, children, refused
+from parallel_robot_model.mechanisms.description import sdf
 from parallel_robot_model.mechanisms.description.graph import (
-    MOMENTS,
+    AXES,
+    KINDS,
+    ZERO,
     Edge,
-    Link,
+    Notes,
+    acted_on,
     attribute,
-    built,
+    check_held,
     child,
+    followers,
+    hear,
+    is_true,
+    left_out,
+    link,
     name_of,
     number,
-    origin,
-    symmetric,
+    numbers,
+    of_attribute,
+    of_element,
+    of_quaternion,
+    spread,
+    steps,
+    turned,
     unique,
-    unit,
     unknown,
     vector,
 )
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
-    HINGE,
-    SLIDE,
+    INFINITY,
+    UNLIMITED,
     WORLD,
     Actuator,
+    Body,
     Coupling,
     Description,
     Frame,
     Joint,
     Loop,
+    Range,
     listed,
 )
+from parallel_robot_model.mechanisms.description.tree import joined
 
 # What closes loops in URDF, of several authors.
 #
 # Sources:
 #     `constraint`: pull requests ros/urdfdom_headers#108 and ros/urdfdom#264 (2026): joints of
 #     which both ends have an origin. `loop` and `coupling`: Chignoli, Slotine, Wensing, Kim
-#     (2024), URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_file`.
+#     (2024), URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_file`. `joint` in
+#     `gazebo`: a joint as in SDF, see gazebosim.org, kinematic_loop.
 
 CLOSURE_TAGS = 'constraint', 'loop', 'coupling', 'closed_loop'
-AXES = {'X': (1.0, 0.0, 0.0), 'Y': (0.0, 1.0, 0.0), 'Z': (0.0, 0.0, 1.0)}
-CLOSURE_KINDS = {
-    'revolute': HINGE, 'continuous': HINGE, 'prismatic': SLIDE, 'spherical': BALL, 'ball': BALL,
-    'fixed': '', 'link': '',
-}  # fmt: skip
 ENDS = {'constraint': ('parent', 'child'), 'loop': ('predecessor', 'successor')}
+X = (1.0, 0.0, 0.0)  # the axis where none is written
 
 
 def _kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[Joint, ...]]:
@@ -62,15 +77,14 @@ def _kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[
         name, kind = attribute(node, 'joint'), attribute(node, 'type').upper()
         if name not in joints:
             raise unknown(node, 'joint', name)
-        first, second = kind[-2:-1], kind[-1:]
-        if kind == 'SPHERICAL':
-            found[name] = (Joint('', WORLD, BALL, np.array(AXES['Z'])),)
-        elif kind == 'FIXED':
-            found[name] = ()
-        elif kind.startswith('UJOINT_') and len(kind) == 9 and {first, second} <= {*AXES}:
+        letters = ['XYZ'.find(letter) for letter in kind[-2:]]
+        if kind in ('SPHERICAL', 'FIXED'):
+            found[name] = steps(node, kind.lower(), ())
+        elif kind.startswith('UJOINT_') and len(kind) == 9 and min(letters) >= 0:
+            both = steps(node, 'universal', [AXES[letter] for letter in letters])
             found[name] = tuple(
-                Joint(f'.{axis.lower()}', WORLD, HINGE, np.array(AXES[axis]))
-                for axis in (first, second)
+                step._replace(name=f'.{letter.lower()}')
+                for step, letter in zip(both, kind[-2:], strict=True)
             )
         else:
             raise refused(
@@ -79,12 +93,8 @@ def _kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[
     return found
 
 
-def _closing_edges(robot: Node, links: Collection[str]) -> list[Edge]:
-    """The joints that close loops."""
-    return [_closing_edge(node, links) for tag in ENDS for node in children(robot, tag)]
-
-
-def _closing_edge(node: Node, links: Collection[str]) -> Edge:
+def _closing_edge(node: Node, links: Collection[str], doubts: Notes) -> Edge:
+    """A joint that closes a loop, both ends of which have a place."""
     names, origins = [], []
     for tag in ENDS[str(node.tag)]:
         end = child(node, tag)
@@ -93,22 +103,25 @@ def _closing_edge(node: Node, links: Collection[str]) -> Edge:
             raise unknown(node, f'{tag} link', name)
         place = child(end, 'origin') if node.tag == 'loop' else child(node, f'{tag}_origin')
         names.append(name)
-        origins.append(origin(place))
-    return Edge(node, name_of(node), names[0], names[1], origins[0], origins[1], _steps(node))
-
-
-def _steps(node: Node) -> tuple[Joint, ...]:
-    kind = attribute(node, 'type').lower()
+        origins.append(_origin(place, doubts))
     keys = ('axis',) if node.tag == 'loop' else ('parent_axis', 'child_axis')
-    if not CLOSURE_KINDS.get(kind, kind):
-        return ()
-    axes = [unit(node, vector(child(node, key), 'xyz', (1.0, 0.0, 0.0))) for key in keys]
-    if kind == 'universal' and len(axes) == 2:
-        return tuple(Joint(f'.{i}', WORLD, HINGE, axis) for i, axis in enumerate(axes, 1))
-    if kind not in CLOSURE_KINDS:
-        known = ', '.join(CLOSURE_KINDS)
-        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
-    return (Joint('', WORLD, CLOSURE_KINDS[kind], axes[0]),)
+    axes = [vector(child(node, key), 'xyz', X) for key in keys]
+    how = steps(node, attribute(node, 'type').lower(), axes)
+    return Edge(node, name_of(node), names[0], names[1], origins[0], origins[1], how)
+
+
+def _gazebo_edges(robot: Node, edges: Sequence[Edge], roots: Sequence[str]) -> list[Edge]:
+    """The joints in elements <gazebo>, which are joints as in SDF."""
+    nodes = [joint for node in children(robot, 'gazebo') for joint in children(node, 'joint')]
+    reached = [*roots, sdf.BASE]
+    places = dict.fromkeys(reached, Frame(WORLD))
+    for name in reached if nodes else ():  # it grows
+        for edge in edges:
+            if edge.parent == name and edge.child not in places:
+                places[edge.child] = joined(places[name], edge.at)
+                reached.append(edge.child)
+    poses = sdf.Poses(Node('model'), False, nodes, places)
+    return [sdf.edge(node, poses, defaultdict(list)) for node in nodes]
 
 
 def _closing_frames(robot: Node, frames: Mapping[str, Frame]) -> list[Loop]:
@@ -126,12 +139,8 @@ def _closing_frames(robot: Node, frames: Mapping[str, Frame]) -> list[Loop]:
     return found
 
 
-def couplings(robot: Node, edges: Sequence[Edge]) -> list[Coupling]:
-    """The joints that gears tie together: successor = ratio * predecessor.
-
-    Raises:
-        InputError: a link is unknown, or there is not one joint on each side.
-    """
+def _couplings(robot: Node, edges: Sequence[Edge]) -> list[Coupling]:
+    """The joints that gears tie together: successor = ratio * predecessor."""
     above = {edge.child: edge for edge in edges if edge.node.tag == 'joint'}
     found = []
     for node in children(robot, 'coupling'):
@@ -162,16 +171,20 @@ def _moving(above: Mapping[str, Edge], link: str) -> list[str]:
     return moving
 
 
-KINDS = {
-    'revolute': HINGE, 'continuous': HINGE, 'prismatic': SLIDE, 'fixed': '', 'spherical': BALL,
-    'ball': BALL,
-}  # fmt: skip
-FREE = {'floating': 'floats', 'planar': 'slides in a plane'}
+class Beside(NamedTuple):
+    """What stands outside of links and joints, by their names."""
+
+    commanded: dict[str, dict[str, Range]]  # least and greatest commands by interface
+    rotors: dict[str, float]  # inertia of rotors, as felt at the joint [kg m^2 or kg]
+    springs: dict[str, Range]  # stiffness and position where they are slack
+    lifted: set[str]  # links without weight
+    notes: Notes  # what people should know
+
+
 CLOSING = re.compile('closing|closed_?loop', re.IGNORECASE)  # what exporters name ends of loops
 GRAVITY = 0.0, 0.0, -9.81  # m/s^2
-KNOWN = {
-    'link', 'joint', 'transmission', 'ros2_control', 'name_mot', 'joint_type', *CLOSURE_TAGS,
-}  # fmt: skip
+ONE_ENDED = 'an end of travel that is missing is 0, as specified; other readers have none'
+ENDLESS = 'neither lower nor upper, which are 0 as specified: no ends of travel'
 
 
 def read(robot: Node, source: str) -> Description:
@@ -184,107 +197,205 @@ def read(robot: Node, source: str) -> Description:
     Raises:
         InputError: it is no valid URDF, or the robot has what this suite does not know.
     """
-    links = {name: _link(node) for name, node in unique(children(robot, 'link')).items()}
-    joints = unique(children(robot, 'joint'))
+    robot.get('version')
+    joints = unique(children(robot, 'joint') + children(robot, 'drake:joint'))
+    named = unique(children(robot, 'link'))
+    beside = _beside(robot, named, joints)
+    notes = beside.notes
+    links = {name: _link(node, beside) for name, node in named.items()}
     kinds = _kinds_beyond_urdf(robot, joints)
-    edges = [_edge(node, links, kinds.get(name)) for name, node in joints.items()]
-    edges += _closing_edges(robot, links)
-    actuators = _actuators(robot, joints)
-    carried = {edge.child for edge in edges if edge.node.tag == 'joint'}
+    edges = [_edge(node, links, kinds.get(name), beside) for name, node in joints.items()]
+    carried = {edge.child for edge in edges}
     roots = [name for name in links if name not in carried]
-    if not links:
-        raise InputError(f'{source} has no links')
-    graph = built(source, list(links.values()), edges, roots, False, {a.joint for a in actuators})
-    frames = {name: Frame(body) for name, body in graph.places.items()}
-    ends = {edge.name: Frame(graph.places[edge.child]) for edge in edges} | frames
-    return Description(
-        source=source,
-        bodies=tuple(graph.bodies),
-        joints=tuple(graph.joints),
-        loops=(*graph.loops, *_closing_frames(robot, ends)),
-        couplings=(*_mimics(joints), *couplings(robot, edges)),
-        tendons=(),
+    edges += _gazebo_edges(robot, edges, roots)
+    if sdf.BASE not in links and any(sdf.BASE in (each.parent, each.child) for each in edges):
+        links[sdf.BASE] = Body(sdf.BASE, WORLD, np.eye(3), np.zeros(3))
+        roots.append(sdf.BASE)
+    edges += [_closing_edge(node, links, notes) for tag in ENDS for node in children(robot, tag)]
+    mimics = followers(joints, of_attribute)
+    actuators = _actuators(robot, joints, {mimic.joint for mimic in mimics})
+    driven = {actuator.joint for actuator in actuators}
+    found = spread(source, list(links.values()), edges, roots, False, driven)
+    ends = {edge.name: found.frames[edge.child] for edge in edges} | found.frames
+    found = found._replace(
+        loops=(*found.loops, *_closing_frames(robot, ends)),
+        couplings=(*mimics, *_couplings(robot, edges)),
         actuators=tuple(actuators),
-        frames=frames,
-        keyframes={},
         gravity=np.array(GRAVITY),
-        doubts=tuple(_doubts(robot, roots, links)),
     )
+    check_held(found, edges)
+    alone = [name for name in roots if name != sdf.BASE]
+    return found._replace(doubts=tuple(_doubts(robot, alone, found, notes)))
 
 
-def _link(node: Node) -> Link:
-    inertial = child(node, 'inertial')
+def _origin(node: Node | None, notes: Notes) -> Frame:
+    """The frame that an element <origin> gives."""
+    rotation = turned(*vector(node, 'rpy', ZERO))
+    if node is not None and of_attribute(node, 'quat_xyzw') is not None:
+        by_quaternion = of_quaternion(node, vector(node, 'quat_xyzw', (0.0, 0.0, 0.0, 1.0)))
+        if 'rpy' in node.attrib and not np.allclose(rotation, by_quaternion, atol=1e-3):
+            raise refused(node, 'has an rpy and another quat_xyzw; keep one of them')
+        notes['quat_xyzw is read; readers older than URDF 1.2 ignore it'].append(
+            f'line {node.line}'
+        )
+        rotation = by_quaternion
+    return Frame(WORLD, rotation, vector(node, 'xyz', ZERO))
+
+
+def _link(node: Node, beside: Beside) -> Body:
+    node.get('type')
+    inertial, name = child(node, 'inertial'), name_of(node)
     if inertial is None:
-        return Link(name_of(node))
-    frame, moments = origin(child(inertial, 'origin')), child(inertial, 'inertia')
-    inertia = symmetric(np.array([number(moments, key) for key in MOMENTS]))
+        return Body(name, WORLD, np.eye(3), np.zeros(3))
+    frame = _origin(child(inertial, 'origin'), beside.notes)
     mass = number(child(inertial, 'mass'), 'value')
-    if mass < 0.0:
-        raise refused(node, f'has a negative mass, {mass:g} kg')
-    return Link(name_of(node), mass, frame.position, frame.rotation @ inertia @ frame.rotation.T)
+    found = link(node, inertial, frame, mass, of_attribute, 0.0)
+    return found._replace(lifted=float(name in beside.lifted))
 
 
-def _edge(node: Node, links: dict[str, Link], steps: tuple[Joint, ...] | None) -> Edge:
+def _edge(
+    node: Node, links: Collection[str], own: tuple[Joint, ...] | None, beside: Beside
+) -> Edge:
     ends = []
     for tag in ('parent', 'child'):
         end = child(node, tag)
         if end is None:
             raise refused(node, f'has no {tag}')
         name = attribute(end, 'link')
-        if name not in links:
+        if name not in links and name != sdf.BASE:  # which need not be written
             raise unknown(node, 'link', name)
         ends.append(name)
     if ends[0] == ends[1]:
         raise refused(node, f'joins the link {printable(ends[0])!r} with itself')
-    at = origin(child(node, 'origin'))
-    steps = (_step(node),) if steps is None else steps
-    steps = tuple(step for step in steps if step.kind)
-    return Edge(node, name_of(node), ends[0], ends[1], at, Frame(WORLD), steps)
+    at, kind = _origin(child(node, 'origin'), beside.notes), attribute(node, 'type')
+    axes = [vector(child(node, 'axis'), 'xyz', X)]
+    how = steps(node, kind, axes) if own is None else own
+    if len(how) == 1 and how[0].kind != BALL:
+        how = (_limited(node, kind, how[0], beside),)
+    elif not how:  # exporters write them of fixed joints, too
+        for tag in ('limit', 'dynamics', 'safety_controller', 'mimic'):
+            hear(child(node, tag))
+    return Edge(node, name_of(node), ends[0], ends[1], at, Frame(WORLD), how)
 
 
-def _step(node: Node) -> Joint:
-    """The hinge, slide or ball of a joint; of a fixed one without a kind."""
-    kind = attribute(node, 'type')
-    if kind in FREE:
-        raise refused(node, f'{FREE[kind]}; a robot must be fixed to the world')
-    if kind not in KINDS:
-        known = ', '.join(KINDS)
-        raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
-    if not KINDS[kind]:
-        return Joint('', WORLD, '', np.zeros(3))
-    limit, dynamics = child(node, 'limit'), child(node, 'dynamics')
-    limited = kind in ('revolute', 'prismatic')
-    effort = number(limit, 'effort') or np.inf
-    return Joint(
-        name='',
-        body=WORLD,
-        kind=KINDS[kind],
-        axis=unit(node, vector(child(node, 'axis'), 'xyz', (1.0, 0.0, 0.0))),
-        lower=number(limit, 'lower', -np.inf) if limited else -np.inf,
-        upper=number(limit, 'upper', np.inf) if limited else np.inf,
-        effort=(-effort, effort),
-        velocity=number(limit, 'velocity') or np.inf,
-        damping=(number(dynamics, 'damping'),),
-        coulomb=number(dynamics, 'friction'),
+def _limited(node: Node, kind: str, step: Joint, beside: Beside) -> Joint:
+    """A hinge or a slide with what acts on it, and its limits, of two the narrower."""
+    limit, name, notes = child(node, 'limit'), name_of(node), beside.notes
+    step = acted_on(step, name, limit, child(node, 'dynamics'), of_attribute, notes)
+    travel = _ends(node, limit, '{}', notes)
+    if kind == 'continuous':
+        if -INFINITY < travel[0] < travel[1]:
+            notes['travel of a continuous joint is left out'].append(name)
+        travel = UNLIMITED
+    elif limit is None:
+        notes[f'{kind} without the <limit> that is specified: no ends of travel'].append(name)
+    soft = _ends(node, child(node, 'safety_controller'), 'soft_{}_limit', notes)
+    if soft[0] < soft[1]:
+        travel = _narrower(node, 'travel', travel, soft, '<safety_controller>', notes)
+    else:
+        notes['soft limits without an extent are left out'].append(name)
+    commands, control = beside.commanded.get(name, {}), '<ros2_control>'
+    least, most = commands.get('velocity', UNLIMITED)
+    speed = max(min(-least, most), 0.0)
+    effort = commands.get('effort', UNLIMITED)
+    travel = _narrower(node, 'travel', travel, commands.get('position', UNLIMITED), control, notes)
+    _, velocity = _narrower(node, 'velocity', (0.0, step.velocity), (0.0, speed), control, notes)
+    stiffness, rest = beside.springs.get(name, (0.0, 0.0))
+    return step._replace(
+        lower=travel[0],
+        upper=travel[1],
+        effort=_narrower(node, 'effort', step.effort, effort, control, notes),
+        velocity=velocity,
+        armature=beside.rotors.get(name, 0.0),
+        stiffness=(stiffness,) if stiffness else (),
+        rest=rest,
     )
 
 
-def _mimics(joints: dict[str, Node]) -> list[Coupling]:
-    """The joints that follow others."""
-    found = []
-    for name, node in joints.items():
-        mimic = child(node, 'mimic')
-        if mimic is None or node.get('type') == 'fixed':
-            continue
-        other = attribute(mimic, 'joint')
-        if other not in joints or other == name:
-            raise unknown(node, 'joint', other)
-        ratio, offset = number(mimic, 'multiplier', 1.0), number(mimic, 'offset')
-        found.append(Coupling(f'mimic of {name}', name, other, ratio, offset))
+def _narrower(
+    node: Node, what: str, of_limit: Range, other: Range, where: str, notes: Notes
+) -> Range:
+    """What two ranges share; where that is less than the first, it is noted."""
+    lower, upper = max(of_limit[0], other[0]), min(of_limit[1], other[1])
+    if lower > upper and of_limit[0] <= of_limit[1]:
+        ends = f'{other[0]:g} to {other[1]:g} in {where}, {of_limit[0]:g} to {of_limit[1]:g}'
+        raise refused(node, f'has no {what} that all its limits allow: {ends} in <limit>')
+    if (lower, upper) != of_limit:
+        notes[f'{what} in {where} is narrower than in <limit>, and taken'].append(name_of(node))
+    return lower, upper
+
+
+def _ends(node: Node, limit: Node | None, keys: str, notes: Notes) -> Range:
+    """Ends of travel; if one of them is missing, it is zero."""
+    names = keys.format('lower'), keys.format('upper')
+    lower, upper = number(limit, names[0], -INFINITY), number(limit, names[1], INFINITY)
+    missing = [key for key in names if limit is not None and key not in limit.attrib]
+    if len(missing) == 1:
+        lower, upper = (0.0, upper) if missing[0] == names[0] else (lower, 0.0)
+        if lower > upper:
+            raise refused(node, f'has no {missing[0]}, which is then 0: beyond the other end')
+        notes[ONE_ENDED].append(name_of(node))
+    elif missing and names[0] == 'lower' and node.get('type') != 'continuous':
+        notes[ENDLESS].append(name_of(node))
+    return lower, upper
+
+
+def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Beside:
+    """What transmissions, <ros2_control> and <gazebo> say of links and joints."""
+    found = Beside({}, {}, {}, set(), defaultdict(list))
+    for control in children(robot, 'ros2_control'):
+        for key in ('type', 'rw_rate', 'is_async'):
+            control.get(key)
+        for node in children(control, 'transmission'):  # from motors to joints
+            hear(node)
+        for node in children(control, 'joint'):
+            limits = found.commanded.setdefault(name_of(node), {})
+            limits |= _commanded(node)
+    for node in children(robot, 'transmission'):
+        node.get('type')
+        of_element(node, 'type')
+        actuators = children(node, 'actuator')
+        for i, joint in enumerate(children(node, 'joint')):
+            of = {}
+            for key, default in (('rotor_inertia', 0.0), ('gear_ratio', 1.0)):
+                owners = (child(each, f'drake:{key}') for each in (*actuators[i : i + 1], node))
+                said = next((each for each in owners if each is not None), None)
+                of[key] = number(said, 'value', default)
+            found.rotors[name_of(joint)] = of['rotor_inertia'] * of['gear_ratio'] ** 2
+    for node in children(robot, 'gazebo'):
+        name = node.get('reference', '')
+        if name in links:
+            off, on = of_element(node, 'turnGravityOff'), of_element(node, 'gravity')
+            if is_true(off or '0') or not is_true(on or '1'):
+                found.lifted.add(name)
+        elif name in joints:
+            keys = 'springStiffness', 'springReference'
+            stiffness, rest = (number(node, key, 0.0, of_element) for key in keys)
+            found.springs[name] = stiffness, rest
+        elif name:
+            found.notes['<gazebo> names neither link nor joint'].append(name)
     return found
 
 
-def _actuators(robot: Node, joints: dict[str, Node]) -> list[Actuator]:
+def _commanded(node: Node) -> dict[str, Range]:
+    """Least and greatest commands of a joint by interface."""
+    found = {}
+    for parameter in children(node, 'param'):  # of drivers, but for those that couple joints
+        parameter.heard = parameter.get('name') not in ('mimic', 'multiplier', 'offset')
+        parameter.asked.add(TEXT)
+    for interface in children(node, 'command_interface'):
+        ends = {'min': -INFINITY, 'max': INFINITY}
+        for each in children(interface, 'param'):
+            each.asked.add(TEXT)
+            if (key := each.get('name')) in ends:
+                ends[key] = float(numbers(each, each.text or '', key, 1)[0])
+        enabled = [child(each, 'limits') for each in (node, interface)]
+        if all(each is None or is_true(each.get('enable', '1')) for each in enabled):
+            found[name_of(interface)] = ends['min'], ends['max']
+    return found
+
+
+def _actuators(robot: Node, joints: dict[str, Node], following: Collection[str]) -> list[Actuator]:
     """What drives joints: name_mot, command interfaces and transmissions, or `independent`."""
     named = [(node, attribute(node, 'joint')) for node in children(robot, 'name_mot')]
     if not named:
@@ -294,29 +405,25 @@ def _actuators(robot: Node, joints: dict[str, Node]) -> list[Actuator]:
             for node in children(parent, 'joint')
             if parent.tag == 'transmission' or children(node, 'command_interface')
         ]
-    if not named and any(node.get('independent') for node in joints.values()):
+    independent = {name: node.get('independent') for name, node in joints.items()}
+    if not named and any(independent.values()):
         named = [
-            (node, name)
-            for name, node in joints.items()
-            if node.get('independent', 'true') == 'true' and node.get('type') != 'fixed'
+            (joints[name], name) for name, is_so in independent.items() if is_so in (None, 'true')
         ]
     for node, name in named:
         if name not in joints:
             raise unknown(node, 'joint', name)
-    following = {name for name, node in joints.items() if children(node, 'mimic')}
-    still = {name for name, node in joints.items() if node.get('type') == 'fixed'}
-    names = dict.fromkeys(name for _, name in named if name not in following | still)
+    single = {name for name, node in joints.items() if len(KINDS.get(node.get('type'), ())) == 1}
+    names = dict.fromkeys(name for _, name in named if name in single and name not in following)
     return [Actuator(name, name) for name in names]
 
 
-def _doubts(robot: Node, roots: list[str], links: Collection[str]) -> list[str]:
+def _doubts(robot: Node, roots: list[str], found: Description, notes: Notes) -> Iterator[str]:
     """What people should know of how the file was read."""
-    doubts = []
     if len(roots) > 1:
-        doubts.append(f'links without a parent are fixed to the world: {listed(roots)}')
-    if tags := dict.fromkeys(f'<{node.tag}>' for node in children(robot) if node.tag not in KNOWN):
-        doubts.append(f'unknown elements are left out: {listed(tags)}')
-    ends = [name for name in links if CLOSING.search(name)]
-    if ends and not any(children(robot, tag) for tag in CLOSURE_TAGS):
-        doubts.append(f'nothing closes the loops that links are named after: {listed(ends)}')
-    return doubts
+        yield f'links without a parent are fixed to the world: {listed(roots)}'
+    yield from (f'{what}: {listed(names)}' for what, names in notes.items())
+    ends = [name for name in found.frames if CLOSING.search(name)]
+    if ends and not found.loops:
+        yield f'nothing closes the loops that links are named after: {listed(ends)}'
+    yield from left_out(robot)
