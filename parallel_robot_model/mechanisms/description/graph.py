@@ -225,6 +225,7 @@ def left_out(root: Node) -> Iterator[str]:
                 waiting.append(each)
             elif each.tag not in IDLE:
                 what = f'<{printable(each.tag)}> {here}{_near(str(each.tag), node.asked)}'
+                what = f'another <{each.tag}> {here}' if each.tag in node.asked else what
                 lines[what].append(each.line)
     for what, places in sorted(lines.items(), key=lambda item: item[1]):
         yield f'left out: {what}, line {listed(map(str, places))}'

@@ -57,6 +57,10 @@ from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
 # Masses of the links of a tree: merged from bodies, checked, and felt at the actuated joints.
 
 HEAVY, LIGHT = 1e4, 1e-6  # kg, beyond which a mass is doubtful
+WIDE = 5.0  # radius of gyration over the size of the machine that no body has
+GRAM, SOLID = 100.0, 1e6  # kg from which a mass may be in g, and kg/m^3 that nothing weighs
+ROUND = 16.6  # greatest volume of a body by the cube of its radius of gyration, that of a ball
+NO_LOOP = '; no loop is closed: of a URDF, `<constraint>` or `closed_loop` in a YAML closes them'
 TINY = 1e-300  # kg, in place of no mass
 SLACK = 1e-6  # of an inertia, relative, that rounding may cost
 LEAST = 1e-12  # least eigenvalue of the inertia matrix, relative to the greatest
@@ -112,7 +116,9 @@ def doubtful(description: Description, tree: Tree) -> list[str]:
         for body, host in zip(description.bodies, tree.hosts, strict=True)
         if host.body != BASE
     ]
-    doubts = [doubt for body in moving for doubt in _doubts(description.source, body)]
+    spots = [*(body.centre for body in moving), *(body.position for body in description.bodies)]
+    size = max(float(np.linalg.norm(spot)) for spot in spots) if spots else 0.0
+    doubts = [doubt for body in moving for doubt in _doubts(description.source, body, size)]
     heavy = any(body.mass > 1000.0 * LIGHT for body in moving)
     dummies = [body.name for body in moving if heavy and 0.0 < body.mass < LIGHT]
     if dummies:
@@ -120,7 +126,7 @@ def doubtful(description: Description, tree: Tree) -> list[str]:
     return doubts
 
 
-def _doubts(source: str, body: Body) -> list[str]:
+def _doubts(source: str, body: Body, size: float) -> list[str]:
     name = printable(body.name)
     if not (0.0 <= body.mass < np.inf and np.isfinite(body.inertia).all()):
         raise InputError(f'{source}: body {name!r}: mass={body.mass:g} must be finite, 0 or more')
@@ -132,6 +138,18 @@ def _doubts(source: str, body: Body) -> list[str]:
         doubts.append(
             f'body {name!r}: no body has moments of inertia of {first:.3g}, {second:.3g} and '
             f'{third:.3g} kg m^2: the greatest exceeds the sum of the others'
+        )
+    radius = np.sqrt(max(third, 0.0) / max(body.mass, TINY))
+    if 0.0 < WIDE * size < radius and body.mass:
+        doubts.append(
+            f'body {name!r}: {third:.3g} kg m^2 is the inertia of its {body.mass:.3g} kg at '
+            f'{radius:.3g} m, and the machine has {size:.3g} m: if it is in g mm^2, it must be '
+            f'{1e-9 * third:.3g} kg m^2'
+        )
+    elif body.mass >= GRAM and 0.0 < ROUND * SOLID * radius**3 < body.mass:
+        doubts.append(
+            f'body {name!r} weighs {body.mass:.4g} kg, too much for its inertia: if that is in g, '
+            f'it must be {1e-3 * body.mass:.4g} kg'
         )
     if body.mass > HEAVY:
         doubts.append(f'body {name!r} weighs {body.mass:.0f} kg')
@@ -149,7 +167,7 @@ def _check_felt(source: str, parts: Assembly, freedoms: Freedoms, inertia: Inert
         names = (parts.tree.links[i].name for i in np.array(freedoms.actuated)[taking])
         raise InputError(
             f'{source}: nothing with a mass moves with joint {listed(names)}: the inertia matrix '
-            'is not positive definite'
+            f'is not positive definite{"" if parts.equations else NO_LOOP}'
         )
 
 

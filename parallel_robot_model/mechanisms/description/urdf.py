@@ -380,9 +380,9 @@ def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Bes
 def _commanded(node: Node) -> dict[str, Range]:
     """Least and greatest commands of a joint by interface."""
     found = {}
-    for parameter in children(node, 'param'):  # of drivers, but for those that couple joints
-        parameter.heard = parameter.get('name') not in ('mimic', 'multiplier', 'offset')
-        parameter.asked.add(TEXT)
+    for each in children(node):  # of drivers, but for those that couple joints
+        if each.tag == 'param' and each.get('name') not in ('mimic', 'multiplier', 'offset'):
+            hear(each)
     for interface in children(node, 'command_interface'):
         ends = {'min': -INFINITY, 'max': INFINITY}
         for each in children(interface, 'param'):
