@@ -27,11 +27,13 @@ from parallel_robot.studies.verification import (
     Difference,
     check_numbers,
     name_of,
+    verify_file,
     verify_machine,
     verify_robot,
 )
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.errors import Frame, InputError, pandas
+from parallel_robot_model.configuration.config_files import machine_file
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Placed
 from parallel_robot_model.robots.robot_checks import FINE
@@ -261,8 +263,9 @@ def verify(
         seed: Of all that is random.
         duration: Of each motion against MuJoCo [s].
         values: Keys of the configuration, such as ``robot_model``, ``custom_robots``; with any of
-            them, the functions of that robot are checked against each other, without MuJoCo; or,
-            with ``robots``, a described machine is compared with MuJoCo.
+            them, the functions of that robot are checked against each other, and a described
+            machine is held against MuJoCo's or Pinocchio's model of its file, where it is
+            installed; or, with ``robots``, random variants of it move beside MuJoCo's.
 
     Returns:
         A pandas.DataFrame. Against MuJoCo, a row a robot: kind, number, and the largest difference
@@ -276,8 +279,13 @@ def verify(
     frame: Frame
     check_numbers(number := ROBOTS if robots is None else robots, seed, duration)
     if values and robots is None:
-        _, checks = verify_robot(Placed(values), seed)
-        rows = [(*check, check.passes(FINE)) for check in checks]
+        of_one, rows = Placed(values), []
+        if file := machine_file(of_one):
+            for each in verify_file(of_one, file, seed)[1]:
+                what, apart = f'{each.what}, {each.where}', abs(each.here - each.there)
+                rows.append(('file', what, apart, each.size, each.agrees))
+        _, checks = verify_robot(of_one, seed)
+        rows += [(*check, check.passes(FINE)) for check in checks]
         columns = ['function', 'what', 'difference', 'size', 'agrees']
         frame = frames.DataFrame(rows, columns=columns)
         return frame

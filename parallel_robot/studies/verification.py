@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.studies import file_in_engine
+from parallel_robot.studies.file_in_engine import Compared
 from parallel_robot_control.configuration import resolve as resolve_control
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.common.units import Array
@@ -213,6 +216,28 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
     missing = KERNELS.keys() - {function for function, _ in worst}
     what = 'anything within reach and margins, near plant.initial_pose'
     return robot.name, [*worst.values(), *(Check(each, what, np.nan, 0.0) for each in missing)]
+
+
+def verify_file(given: Mapping[str, Any], path: Path, seed: int) -> tuple[str, list[Compared]]:
+    """Hold a described machine against what an engine makes of its file.
+
+    Args:
+        given: Keys of the configuration and their values, robot_model, too.
+        path: The file.
+        seed: Of postures and rates.
+
+    Returns:
+        What it was held against, or why it was not; of each quantity the largest difference.
+
+    Raises:
+        InputError: a value is wrong.
+    """
+    robot = robot_of(values_of(given))
+    try:
+        engine, found = file_in_engine.compare(robot, path, seed)
+    except InputError as error:
+        return f'not compared with an engine: {error}', []
+    return f'{engine}, {file_in_engine.POSTURES} postures near home', found
 
 
 def values_of(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -157,7 +157,7 @@ def _with_machine(values: Placed) -> Placed:
     else:
         with locating(values):
             try:
-                path = Path(stands.file if stands else '').parent / Path(model).expanduser()
+                path = _file_of(values, model)
                 text, name = robot_file.text_of(path), path.stem
             except (RuntimeError, InputError) as error:  # home of an unknown user
                 raise InputError(f'{MODEL}: {error}', MODEL) from None
@@ -171,6 +171,20 @@ def _with_machine(values: Placed) -> Placed:
     if compiled:  # else it is compiled when it is read
         entries[COMPILED] = compiled
     return values | Placed(entries, dict.fromkeys(entries, stands) if stands else {})
+
+
+def _file_of(values: Placed, model: str) -> Path:
+    stands = values.places.get(MODEL)
+    return Path(stands.file if stands else '').parent / Path(model).expanduser()
+
+
+def machine_file(values: Placed) -> Path | None:
+    """File of the machine that values name, if they name one."""
+    model = values.get(MODEL)
+    if not isinstance(model, str):
+        return None
+    shipped_one = machine_path(model) if model in shipped_machines() else None
+    return _file_of(values, model) if is_robot_path(model) else shipped_one
 
 
 def scenario_of(name: str) -> str:

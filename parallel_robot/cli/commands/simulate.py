@@ -135,9 +135,18 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     Raises:
         InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
     """
+    return [(name, config_files.with_file_contents(values)) for name, values in _layers(arguments)]
+
+
+def _layers(arguments: argparse.Namespace) -> list[tuple[str, Placed]]:
+    """The same with the names of files, not what is in them."""
     layers = [(str(path), yaml_file.read_parameter_file(path)) for path in arguments.param_files]
-    layers.append((config.OVERRIDE, Placed(yaml_file.parse_assignments(arguments.assignments))))
-    return [(name, config_files.with_file_contents(values)) for name, values in layers]
+    return [*layers, (config.OVERRIDE, Placed(yaml_file.parse_assignments(arguments.assignments)))]
+
+
+def machine_file(arguments: argparse.Namespace) -> Path | None:
+    """File of the machine that they name, if they name one."""
+    return config_files.machine_file(merged(values for _, values in _layers(arguments)))
 
 
 def given(arguments: argparse.Namespace) -> Placed:

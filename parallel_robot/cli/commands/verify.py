@@ -6,21 +6,24 @@ import argparse
 import functools
 import math
 from collections.abc import Callable, Iterable
+from pathlib import Path
 
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import add_format_argument, show
+from parallel_robot.studies.file_in_engine import Compared
 from parallel_robot.studies.verification import (
     SCENARIOS,
     Difference,
     check_numbers,
     name_of,
     verify,
+    verify_file,
     verify_machine,
     verify_robot,
 )
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.configuration.plain_data import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 
@@ -64,11 +67,18 @@ def execute(arguments: argparse.Namespace) -> int:
         return _against_mujoco(one, robots, seed, duration, form)
     if arguments.duration is not None:
         raise InputError('--set checks one robot without MuJoCo: no --duration without --robots')
-    return _against_contract(given, seed, form)
+    return _one(given, simulate.machine_file(arguments), seed, form)
 
 
-def _against_contract(given: Placed, seed: int, form: str | None) -> int:
-    """Check one robot; print each check."""
+def _one(given: Placed, file: Path | None, seed: int, form: str | None) -> int:
+    """Check one robot; print each check, of a described one what differs."""
+    lines, compared = [], list[Compared]()
+    if file:
+        against, compared = verify_file(given, file, seed)
+        differ = [each.text() for each in compared if not each.agrees]
+        largest = max((each.share for each in compared), default=0.0)
+        verdict = f'differs: {"; ".join(differ)}' if differ else f'agrees, {largest:.1e}'
+        lines = [f'{printable(file.name)} beside {against}: {verdict}' if compared else against]
     name, found = verify_robot(given, seed)
     rows = []
     for check in found:
@@ -78,9 +88,13 @@ def _against_contract(given: Placed, seed: int, form: str | None) -> int:
         rows.append([check.function, check.what, *sizes, verdict])
     head = f'{name}: largest differences near plant.initial_pose'
     columns = ['function', 'what', 'difference', 'of', 'verdict']
-    data = [check._asdict() | {'agrees': check.passes(FINE)} for check in found]
-    show(form, [head, Table(columns, rows, 'llrrl')], data)
-    return 0 if all(check.passes(FINE) for check in found) else 1
+    data = [{'function': 'file', **each._asdict(), 'agrees': each.agrees} for each in compared]
+    data += [check._asdict() | {'agrees': check.passes(FINE)} for check in found]
+    parts: list[Part] = [f'{name}: its functions agree with each other']
+    if not file or any(row[-1] != 'agrees' for row in rows):
+        parts = [head, Table(columns, rows, 'llrrl')]
+    show(form, [*lines, *parts], data)
+    return 0 if all(row['agrees'] for row in data) else 1
 
 
 def _against_mujoco(
