@@ -15,7 +15,10 @@ NAME = PACKAGE.findtext('name')
 MAINTAINER = PACKAGE.find('maintainer')
 DOCS = ['mkdocs-material>=9.6,<10', 'mkdocstrings[python]>=0.30,<2']
 EXPORT = ['pandas>=2.1', 'pyarrow>=14']
-MUJOCO = ['mujoco>=3.2.7']
+MUJOCO = [  # the engine alone, without its viewer, where there is such a package
+    'mujoco-core>=4; python_version >= "3.11"',
+    'mujoco>=3.2.7,<4; python_version < "3.11"',
+]
 STUDY = ['pyarrow>=14', 'tqdm>=4.66']
 CLUSTER = ['dask>=2024.1', 'distributed>=2024.1']
 TUNE = [*STUDY, 'optuna>=5,<6']

@@ -30,6 +30,8 @@ ARMS = {
     'springs': arm('stiffness="3" springref="20"', 'stiffness="2"'),
     'gravcomp': arm(body='gravcomp="0.7"'),
     'tendon': arm(beside=TENDON.format('')),
+}
+NEW_ARMS = {
     'tendon with inertia': arm(beside=TENDON.format('armature="2"')),
     'springs off': arm('stiffness="3"', beside='<option><flag spring="disable"/></option>'),
     'dampers off': arm(
@@ -39,8 +41,6 @@ ARMS = {
         body='gravcomp="0.7"',
         beside='<option><flag spring="disable" damper="disable"/></option>',
     ),
-}
-NEW_ARMS = {
     'polynomials': arm('damping="0 0.8 0.2" stiffness="1 5 2"', 'damping="0 0 0.3"'),
     'rotors': arm(
         motors='<motor joint="s" gear="50" armature="1e-4" damping="0 0.001"/>'
@@ -110,7 +110,8 @@ def test_limits_of_motors_have_two_sides(motor, expected):
 
 
 def test_what_the_file_switches_off_is_off():
-    flags = '<option><flag frictionloss="disable" damper="disable" limit="disable"/></option>'
+    damper = 'damper' if NEW else 'passive'
+    flags = f'<option><flag frictionloss="disable" {damper}="disable" limit="disable"/></option>'
     machine = made(arm('damping="2" frictionloss="3" range="-1 1" limited="true"', beside=flags))
     assert machine.viscous == (0, 0) and machine.coulomb == (0, 0)
     assert machine.lower == (-np.inf, -np.inf)

@@ -212,9 +212,7 @@ def _check_driven(
         )
 
 
-def _weak(
-    parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array
-) -> Iterator[str]:
+def _weak(parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array) -> Iterator[str]:
     """Joints that cannot hold the machine against gravity at home."""
     places, links = place(parts.tree, parts.home), parts.tree.links
     needed = -sum(
@@ -401,7 +399,7 @@ def _by_file(description: Description) -> Sequence[str]:
     movable = [
         joint.name
         for joint in description.joints
-        if joint.kind != BALL and joint.name not in following
+        if joint.kind != BALL and joint.name not in following | _floats(description)
     ]
     if description.loops:
         raise InputError(
@@ -425,11 +423,18 @@ def _indices(names: tuple[str, ...], wanted: Sequence[str], description: Descrip
     return found
 
 
+def _floats(description: Description) -> set[str]:
+    """Names of the slides of bodies that float."""
+    slides = {joint.name for joint in description.joints if joint.kind == SLIDE}
+    balls = [slides_of(joint.name) for joint in description.joints if joint.kind == BALL]
+    return {name for names in balls if slides.issuperset(names) for name in names}
+
+
 def _check_floating(description: Description) -> None:
     """Refuse bodies that float, with what they carry, and that no loop holds."""
-    slides = {joint.name for joint in description.joints if joint.kind == SLIDE}
+    slides = _floats(description)
     for joint in description.joints:
-        if joint.kind != BALL or not slides.issuperset(slides_of(joint.name)):
+        if not slides.issuperset(slides_of(joint.name)):
             continue
         carried = {joint.body}
         for i, body in enumerate(description.bodies):

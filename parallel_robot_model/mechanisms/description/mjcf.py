@@ -86,6 +86,8 @@ def _drop_cables(root: Node, doubts: list[str]) -> None:
     names = set()
     for tendons in children(root, 'tendon'):
         for cable in children(tendons, 'spatial'):
+            if cable.get('armature', '').strip(' +-.0'):
+                raise refused(cable, 'has armature: its inertia is not known here')
             names.add(cable.get('name', ''))
             tendons.remove(cable)
     for parent in children(root, 'actuator') + children(root, 'equality'):
@@ -283,14 +285,17 @@ class _Drives:
         filters = kinds.mjDYN_FILTER, kinds.mjDYN_FILTEREXACT
         return int(self._model.actuator_dyntype[index]) in filters
 
-    def _is_motor(self, index: int) -> bool:
+    def _is_force(self, index: int) -> bool:
+        """Whether the control or the activation is a force."""
         model, mujoco = self._model, self._mujoco
-        still = int(model.actuator_dyntype[index]) == mujoco.mjtDyn.mjDYN_NONE
         return (
             int(model.actuator_gaintype[index]) == mujoco.mjtGain.mjGAIN_FIXED
             and int(model.actuator_biastype[index]) == mujoco.mjtBias.mjBIAS_NONE
-            and (still or self._is_filter(index))
         )
+
+    def _is_motor(self, index: int) -> bool:
+        still = int(self._model.actuator_dyntype[index]) == self._mujoco.mjtDyn.mjDYN_NONE
+        return self._is_force(index) and (still or self._is_filter(index))
 
     def _forces(self, index: int) -> tuple[float, float]:
         """Least and greatest force before the gear."""
@@ -299,11 +304,10 @@ class _Drives:
             ranges.append(model.actuator_forcerange[index])
         gain, control = float(model.actuator_gainprm[index, 0]), _address(model, 'ctrl', index)
         clamped = not model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-        if self._is_motor(index):
-            if model.actuator_ctrllimited[control] and clamped:
-                ranges.append(np.sort(gain * model.actuator_ctrlrange[control]))
-            if model.actuator_actlimited[index] and self._is_filter(index):
-                ranges.append(np.sort(gain * model.actuator_actrange[index]))
+        if self._is_motor(index) and model.actuator_ctrllimited[control] and clamped:
+            ranges.append(np.sort(gain * model.actuator_ctrlrange[control]))
+        if self._is_force(index) and model.actuator_actlimited[index]:
+            ranges.append(np.sort(gain * model.actuator_actrange[index]))
         return (
             max((float(each[0]) for each in ranges), default=-math.inf),
             min((float(each[1]) for each in ranges), default=math.inf),
@@ -321,11 +325,10 @@ def _of(names: Sequence[str], chosen: Iterable[int]) -> str:
 
 
 def _polynomial(model: Any, field: str, index: int) -> tuple[float, ...]:
-    """The coefficients of a force, as many as the release of MuJoCo knows."""
-    if not hasattr(model, field):
-        return ()
+    """The coefficients of a force, up to the last that is not zero."""
     higher = getattr(model, f'{field}poly', np.zeros((index + 1, 0)))[index]
-    return (float(getattr(model, field)[index]), *map(float, higher))
+    whole = [*np.atleast_1d(getattr(model, field, np.zeros(index + 1))[index]), *higher]
+    return tuple(map(float, np.trim_zeros(whole, 'b')))
 
 
 def read(root: Node, source: str, merged: bool) -> Description:
@@ -390,7 +393,8 @@ class _Reading:
 
     def _off(self, flag: str) -> bool:
         """Whether the file switches something off."""
-        bit = getattr(self._mujoco.mjtDisableBit, f'mjDSBL_{flag.upper()}')
+        bits, name = self._mujoco.mjtDisableBit, f'mjDSBL_{flag.upper()}'
+        bit = getattr(bits, name) if hasattr(bits, name) else bits.mjDSBL_PASSIVE  # of old ones
         return bool(self._model.opt.disableflags & int(bit))
 
     def _of_fluid(self) -> Iterator[str]:
@@ -531,7 +535,7 @@ class _Reading:
             elif kind == kinds.mjEQ_JOINT:
                 couplings.append(self._coupling(i, name))
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-                turns = kind == kinds.mjEQ_WELD and model.eq_data[i, TORQUE_SCALE] != 0.0
+                turns = kind == kinds.mjEQ_WELD and bool(model.eq_data[i, TORQUE_SCALE])
                 loops.append(self._loop(i, name, kind == kinds.mjEQ_WELD, turns))
             else:
                 raise InputError(

@@ -180,6 +180,8 @@ def _share(made: Machine, step: float) -> float:
         return 1.0
     motion = step * np.linalg.inv(slopes)[:, 0]
     moving = np.abs(motion) > TINY
+    if not moving.any():
+        return 1.0
     ends = np.array([made.lower, made.upper])[:, moving] - position[moving]
     shares = np.sort(ends / motion[moving], axis=0)  # of the step back, and ahead
     back, ahead = shares[0].max(), shares[1].min()
