@@ -298,14 +298,10 @@ def changed(joint, attributes):
 @pytest.mark.parametrize(
     ('text', 'doubt'),
     [
-        (changed('left_elbow', 'armature="1"'),
-         'passive joints with armature: left_elbow'),
-        (changed('left_elbow', 'damping="1"'),
-         'friction of passive joints is left out: left_elbow'),
+        (changed('left_elbow', 'frictionloss="1"'),
+         'dry friction of passive joints [N m or N] is left out: left_elbow (1)'),
         (changed('left', 'range="40 60"'),
          'home is outside the travel of joints: left at 0'),
-        (changed('left', 'stiffness="9"'),
-         "joint 'left' has a spring, which is left out"),
         (urdf().replace('lower="-1" upper="2"', 'lower="0" upper="0"'),
          'travel without an extent is taken for none: shoulder'),
         (urdf().replace('lower="-1" upper="2"', 'lower="-180" upper="90"'),

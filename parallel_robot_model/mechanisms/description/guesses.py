@@ -177,8 +177,6 @@ def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) ->
     yield from _of_home(start, closed, parts)
     yield from doubted(parts, freedoms)
     joints = {links[i].joint.name: links[i].joint for i in freedoms.passive}.values()
-    if stiff := [joint.name for joint in joints if joint.armature]:
-        yield f'passive joints with armature: {listed(stiff)}'
     if rough := [f'{joint.name} ({joint.coulomb:.3g})' for joint in joints if joint.coulomb]:
         yield f'dry friction of passive joints [N m or N] is left out: {listed(rough)}'
     ends = {i: (links[i].joint.lower, links[i].joint.upper) for i in freedoms.actuated}
