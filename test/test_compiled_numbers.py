@@ -17,7 +17,11 @@ from parallel_robot_model.mechanisms.description.compiled import (
     written,
 )
 from parallel_robot_model.mechanisms.description.machine import read as read_text
-from parallel_robot_model.robots.described.robot import compiled_of, description_of
+from parallel_robot_model.robots.described.robot import (
+    compiled_of,
+    compiler_doubt,
+    description_of,
+)
 
 ARM = (
     '<mujoco><worldbody><body name="b"><joint name="j" range="-1 2" limited="true"/>'
@@ -66,6 +70,13 @@ def test_numbers_of_strangers_are_checked(change, message):
     change(data['description'])
     with pytest.raises(InputError, match=message):
         numbers_of(json.dumps(data), ARM, 'robot.xml')
+
+
+def test_numbers_that_the_compiler_does_not_make_are_told():
+    data = json.loads(written(ARM, 'MuJoCo', read(ARM)))
+    assert compiler_doubt(ARM, json.dumps(data)) == ''
+    data['description']['bodies'][0]['mass'] += 1e-6
+    assert 'makes other numbers of the description' in compiler_doubt(ARM, json.dumps(data))
 
 
 def test_numbers_that_no_machine_has_are_refused_as_those_of_a_file():

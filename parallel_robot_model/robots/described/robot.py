@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import importlib.util
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,7 +15,12 @@ from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import spatial
 from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.description.compiled import numbers_of, written
+from parallel_robot_model.mechanisms.description.compiled import (
+    SAME,
+    difference,
+    numbers_of,
+    written,
+)
 from parallel_robot_model.mechanisms.description.machine import (
     Machine,
     checked,
@@ -352,6 +358,18 @@ def compiled_of(text: str, compiled: str = '') -> str:
     if parsed(text, 'description')[0].tag != 'mujoco':
         return ''
     return written(text, f'MuJoCo {optional("mujoco").__version__}', description_of(text))
+
+
+def compiler_doubt(text: str, compiled: str) -> str:
+    """That MuJoCo makes other numbers of a text than stand beside it; empty if it is not here."""
+    known = numbers_of(compiled, text, 'description') if compiled else None
+    if known is None or importlib.util.find_spec('mujoco') is None:
+        return ''
+    apart = difference(known, read(text))
+    if apart <= SAME:
+        return ''
+    ours = f'MuJoCo {optional("mujoco").__version__}'
+    return f'{ours} makes other numbers of the description than stand beside it, by {apart:.1e}'
 
 
 @functools.lru_cache(maxsize=64)  # a sweep resolves thousands of configurations
