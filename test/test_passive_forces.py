@@ -134,6 +134,40 @@ def test_friction_of_a_tendon_of_one_joint_is_that_of_the_joint():
     assert left in made(arm(beside=two)).doubts
 
 
+def _rod(first, second=''):
+    """A crank, a rod between two balls, and a slider: the rod spins freely."""
+    return (
+        '<mujoco><worldbody><body name="crank"><joint name="c" axis="0.2 1 0.1"/>'
+        '<geom type="capsule" size=".02" fromto="0 0 0 .2 0 0" mass=".3"/>'
+        f'<body name="rod" pos=".2 0 0"><joint name="b" type="ball" armature="{first}"/>'
+        '<geom type="capsule" size="1e-3" fromto="0 0 0 .3 .1 -.2" mass=".1"/>'
+        + (
+            f'<body name="end" pos=".3 .1 -.2"><joint name="e" type="ball" armature="{second}"/>'
+            '<geom size=".02" mass=".2"/><site name="s"/></body></body></body>'
+            if second
+            else '<site name="s" pos=".3 .1 -.2"/></body></body>'
+        )
+        + '<body name="slider" pos=".5 .1 -.2"><joint name="x" type="slide" axis="1 .3 .2"/>'
+        '<geom size=".03" mass=".5"/><site name="t"/></body></worldbody>'
+        f'<equality><{"weld" if second else "connect"} site1="s" site2="t"/></equality>'
+        '<actuator><motor joint="c"/></actuator></mujoco>'
+    )
+
+
+@pytest.mark.parametrize('rotors', [('1e-3',), ('1e-3', '4e-4')])
+def test_rotors_of_balls_are_felt_as_in_mujoco_where_a_rod_spins_freely(rotors):
+    text = _rod(*rotors)
+    machine = made(text, tool='slider')
+    held = [machine.names.index(name) for name in machine.held]
+    theirs = InMujoco(text, mujoco.MjModel.from_xml_string(text).qpos0)
+    A = theirs.closures
+    free = np.linalg.svd(A)[2][np.linalg.matrix_rank(A, 1e-9) :].T  # with the spin of the rod
+    motor = np.eye(len(theirs.M))[0]
+    rate = free @ np.linalg.solve(free.T @ theirs.M @ free, free.T @ motor)
+    assert len(held) == 1 and free.shape[1] == 2
+    assert 1.0 / Evaluated(machine).M[0, 0] == pytest.approx(motor @ rate, rel=1e-6)
+
+
 def test_the_force_of_a_medium_is_told():
     text = arm(beside='<option density="1000" viscosity="1"/>')
     model = mujoco.MjModel.from_xml_string(text)

@@ -27,6 +27,7 @@ Index = NDArray[np.int64]
 
 HINGE, SLIDE = 0, 1  # kinds of joints
 POINT, TURN, COUPLING = 0, 1, 2  # kinds of closures
+WHOLE, LAST, FIRST = 0, 1, 2  # parts of the rotor of a ball
 BASE = -1  # in place of a joint: what does not move
 
 
@@ -35,8 +36,8 @@ class Elements(NamedTuple):
 
     lifted: Array  # mass whose weight is taken off each body [kg], shape (N,)
     lifted_at: Array  # its centre in the frame of the joint [m], shape (N, 3)
-    # rotor of the ball whose last hinge a joint is, as felt at the relative rate of its bodies,
-    # and as felt where the ball may spin freely about that hinge [kg m^2], shape (N, 2)
+    # rotor of the ball whose last hinge a joint is: that felt at the relative rate of its bodies,
+    # across its last hinge and across its first one [kg m^2], shape (N, 3)
     ball: Array
     ratio: Array  # share of each joint in the lengths, shape (T, N)
     rest: Array  # lengths between which the spring is slack [rad or m], shape (T, 2)
@@ -49,7 +50,7 @@ class Elements(NamedTuple):
 def elements(joints: int, lengths: int = 0) -> Elements:
     """Elements that do nothing, of a mechanism of N joints along T lengths."""
     N, T = joints, lengths
-    shapes = (N,), (N, 3), (N, 2), (T, N), (T, 2), (T, 3), (T, 3), (T,), (T, 2)
+    shapes = (N,), (N, 3), (N, 3), (T, N), (T, 2), (T, 3), (T, 3), (T,), (T, 2)
     found = Elements(*map(np.zeros, shapes))
     found.travel[:] = -np.inf, np.inf
     return found

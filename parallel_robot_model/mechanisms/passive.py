@@ -7,8 +7,9 @@ tendon another. With x from where the spring is slack and the rate v
 
 The rotor of a ball is felt at the relative angular rate of its bodies, w: with three hinges x, y,
 z one after the other that are orthogonal at zero, |w|^2 = x'^2 + y'^2 + z'^2 + 2 sin(y) x' z'. Of
-a rod that may spin freely about z, whose spin meets no inertia but the rotor, only the part of w
-across z is felt: x'^2 cos(y)^2 + y'^2.
+a rod along the last or the first hinge that may spin freely, whose spin meets no inertia but the
+rotor, only the part of w across it is felt: x'^2 cos(y)^2 + y'^2, or z in place of x. Of a rod
+with rotors a and b at both its ends, a b / (a + b) is felt at the rate along it, too.
 
 Source:
     MuJoCo documentation, Computation, Passive forces, for the polynomials.
@@ -17,11 +18,16 @@ Source:
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner
-from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import (
+    BASE,
+    FIRST,
+    LAST,
+    WHOLE,
+    Mechanism,
+)
 from parallel_robot_model.mechanisms.spatial import (
     crossed,
     in_world,
@@ -31,27 +37,6 @@ from parallel_robot_model.mechanisms.spatial import (
     triple,
 )
 from parallel_robot_model.mechanisms.workspace import Workspace
-
-
-class _Ball(NamedTuple):
-    """Angle and rates of the hinges of a ball that count, and its rotor."""
-
-    rotor: float
-    spins: bool
-    sine: float
-    cosine: float
-    x: float
-    y: float
-    z: float
-
-
-@inner
-def _ball(mechanism: Mechanism, workspace: Workspace, i: int) -> _Ball:
-    """The ball whose last hinge is joint i."""
-    whole, across = mechanism.elements.ball[i, 0], mechanism.elements.ball[i, 1]
-    angle, rate = workspace.all[i - 1], workspace.rate
-    sine, cosine = math.sin(angle), math.cos(angle)
-    return _Ball(whole + across, across > 0.0, sine, cosine, rate[i - 2], rate[i - 1], rate[i])
 
 
 @inner
@@ -96,22 +81,26 @@ def _lift(mechanism: Mechanism, workspace: Workspace, i: int) -> None:
 @inner
 def add_bias(mechanism: Mechanism, workspace: Workspace) -> None:
     """Add the forces of rotors at no acceleration of the actuated joints to `load`."""
-    elements, load, bias = mechanism.elements, workspace.load, workspace.bias
+    elements, load, bias, rate = (
+        mechanism.elements, workspace.load, workspace.bias, workspace.rate,
+    )  # fmt: skip
     for k in range(len(elements.ratio)):
         if elements.armature[k] != 0.0:
             force = elements.armature[k] * _sum(elements.ratio, k, bias)
             for j in range(len(load)):
                 load[j] += elements.ratio[k, j] * force
     for i in range(2, len(load)):
-        if elements.ball[i, 0] + elements.ball[i, 1] != 0.0:
-            a, spins, s, c, x, y, z = _ball(mechanism, workspace, i)
-            if spins:
-                load[i - 2] += a * (c * c * bias[i - 2] - 2.0 * c * s * x * y)
-                load[i - 1] += a * (bias[i - 1] + c * s * x * x)
-            else:
-                load[i - 2] += a * (bias[i - 2] + s * bias[i] + c * y * z)
-                load[i - 1] += a * (bias[i - 1] - c * x * z)
-                load[i] += a * (bias[i] + s * bias[i - 2] + c * x * y)
+        if _has_rotor(elements.ball, i):
+            angle, x, y, z = workspace.all[i - 1], rate[i - 2], rate[i - 1], rate[i]
+            s, c = math.sin(angle), math.cos(angle)
+            a = 1.0 * elements.ball[i, WHOLE]
+            load[i - 2] += a * (bias[i - 2] + s * bias[i] + c * y * z)
+            load[i - 1] += a * (bias[i - 1] - c * x * z)
+            load[i] += a * (bias[i] + s * bias[i - 2] + c * x * y)
+            for side in (LAST, FIRST):
+                a, k = elements.ball[i, side], i - 2 if side == LAST else i
+                load[k] += a * (c * c * bias[k] - 2.0 * c * s * rate[k] * y)
+                load[i - 1] += a * (bias[i - 1] + c * s * rate[k] * rate[k])
 
 
 @inner
@@ -120,37 +109,41 @@ def add_inertia(mechanism: Mechanism, workspace: Workspace, W: Array, out: Array
     elements, n = mechanism.elements, W.shape[1]
     for k in range(len(elements.ratio)):
         if elements.armature[k] != 0.0:
-            for c in range(n):
+            for column in range(n):
                 total = 0.0
                 for j in range(len(W)):
-                    total += elements.ratio[k, j] * W[j, c]
+                    total += elements.ratio[k, j] * W[j, column]
                 for j in range(len(W)):
-                    out[j, c] += elements.armature[k] * elements.ratio[k, j] * total
+                    out[j, column] += elements.armature[k] * elements.ratio[k, j] * total
     for i in range(2, len(W)):
-        if elements.ball[i, 0] + elements.ball[i, 1] != 0.0:
-            a, spins, sine, cosine, _, _, _ = _ball(mechanism, workspace, i)
-            for c in range(n):
-                out[i - 1, c] += a * W[i - 1, c]
-                if spins:
-                    out[i - 2, c] += a * cosine * cosine * W[i - 2, c]
-                else:
-                    out[i - 2, c] += a * (W[i - 2, c] + sine * W[i, c])
-                    out[i, c] += a * (W[i, c] + sine * W[i - 2, c])
+        if _has_rotor(elements.ball, i):
+            angle, a = workspace.all[i - 1], elements.ball[i, WHOLE]
+            s, c = math.sin(angle), math.cos(angle)
+            last, first = elements.ball[i, LAST], elements.ball[i, FIRST]
+            for k in range(n):
+                x, y, z = W[i - 2, k], W[i - 1, k], W[i, k]
+                out[i - 2, k] += a * (x + s * z) + last * c * c * x
+                out[i - 1, k] += (a + last + first) * y
+                out[i, k] += a * (z + s * x) + first * c * c * z
 
 
 @inner
 def add_coriolis(mechanism: Mechanism, workspace: Workspace) -> None:
     """Add the Coriolis matrix of rotors in all joints, times `W`, to `QW`."""
-    elements, W, out = mechanism.elements, workspace.W, workspace.QW
+    elements, W, out, rate = mechanism.elements, workspace.W, workspace.QW, workspace.rate
     for i in range(2, len(W)):
-        if elements.ball[i, 0] + elements.ball[i, 1] != 0.0:
-            a, spins, sine, cosine, x, y, z = _ball(mechanism, workspace, i)
-            half, both = 0.5 * a * cosine, a * cosine * sine
-            for c in range(W.shape[1]):
-                if spins:
-                    out[i - 2, c] -= both * (y * W[i - 2, c] + x * W[i - 1, c])
-                    out[i - 1, c] += both * x * W[i - 2, c]
-                else:
-                    out[i - 2, c] += half * (z * W[i - 1, c] + y * W[i, c])
-                    out[i - 1, c] -= half * (z * W[i - 2, c] + x * W[i, c])
-                    out[i, c] += half * (y * W[i - 2, c] + x * W[i - 1, c])
+        if _has_rotor(elements.ball, i):
+            angle, x, y, z = workspace.all[i - 1], rate[i - 2], rate[i - 1], rate[i]
+            s, c = math.sin(angle), math.cos(angle)
+            half = 0.5 * c * elements.ball[i, WHOLE]
+            last, first = elements.ball[i, LAST] * c * s, elements.ball[i, FIRST] * c * s
+            for k in range(W.shape[1]):
+                p, q, r = W[i - 2, k], W[i - 1, k], W[i, k]
+                out[i - 2, k] += half * (z * q + y * r) - last * (y * p + x * q)
+                out[i - 1, k] += last * x * p + first * z * r - half * (z * p + x * r)
+                out[i, k] += half * (y * p + x * q) - first * (y * r + z * q)
+
+
+@inner
+def _has_rotor(ball: Array, i: int) -> bool:
+    return bool(ball[i, WHOLE] + ball[i, LAST] + ball[i, FIRST] != 0.0)

@@ -33,10 +33,13 @@ from parallel_robot_model.mechanisms.description.tree import (
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
+    FIRST,
     HINGE,
+    LAST,
     POINT,
     SLIDE,
     TURN,
+    WHOLE,
     Elements,
     Index,
     Mechanism,
@@ -231,8 +234,15 @@ class Inertia(NamedTuple):
     inertia: Array  # about them in these frames [kg m^2], shape (N, 3, 3)
 
 
+TURNING = 1e-3  # relative rate of a body above which it turns
+
+
 def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
-    """The same, where the last hinge of a ball with a rotor is that about which it may spin."""
+    """The same, where a hinge of a ball with a rotor is that about which its rod may spin.
+
+    It is the last hinge where the ball carries the rod, else the first.
+    """
+    places = place(parts.tree, parts.home)
     links = list(parts.tree.links)
     free = [i for i in range(len(links)) if i not in freedoms.actuated]
     motion = np.zeros((len(links), 0))
@@ -246,10 +256,14 @@ def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
         if rank(motion[i : i + 3]) == 1:
             spin = np.linalg.svd(motion[i : i + 3])[0][:, 0]
             spin *= np.sign(spin[np.argmax(np.abs(spin))])
-            first = np.cross(np.eye(3)[np.argmin(np.abs(spin))], spin)
-            first /= np.linalg.norm(first)
-            for step, axis in enumerate((first, np.cross(spin, first), spin)):
-                links[i + step] = links[i + step]._replace(axis=axis, spins=True)
+            across = np.cross(np.eye(3)[np.argmin(np.abs(spin))], spin)
+            across /= np.linalg.norm(across)
+            carried = places.rates(Frame(i + 2))[1] @ motion
+            last = bool(np.abs(carried).max() > TURNING * np.abs(motion[i : i + 3]).max())
+            axes = (across, np.cross(spin, across), spin)
+            for step, axis in enumerate(axes if last else np.roll(axes, 1, axis=0)):
+                side = LAST if last else FIRST
+                links[i + step] = links[i + step]._replace(axis=axis, spins=side)
     return parts._replace(tree=parts.tree._replace(links=tuple(links)))
 
 
@@ -366,7 +380,11 @@ def _elements(
         found.travel[k] = tendon.lower, tendon.upper
     for i, link in enumerate(links):
         if link.joint.kind == BALL and link.name.endswith(AXES[-1]):
-            found.ball[i, int(link.spins)] = link.joint.armature
+            rotor, other = link.joint.armature, links[i - 2].parent
+            found.ball[i, link.spins] = rotor
+            if link.spins == FIRST and other != BASE and links[other].spins == LAST:
+                both = rotor * links[other].joint.armature / (rotor + links[other].joint.armature)
+                found.ball[i, [WHOLE, FIRST]] = both, rotor - both
     for body, host in zip(description.bodies, parts.tree.hosts, strict=True):
         if body.lifted and host.body != BASE:
             i, mass = host.body, factor * body.mass * body.lifted

@@ -222,7 +222,7 @@ def _weak(parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array)
     held = needed @ followed(parts.closures(scaled=False), freedoms)
     for i, load in zip(freedoms.actuated, held, strict=True):
         limit = links[i].joint.effort[int(load > 0.0)]
-        if abs(load) > abs(limit) or load * limit < 0.0:
+        if abs(load) > abs(limit) or (load > 0.0) == (limit < 0.0):
             unit = 'N m' if links[i].kind == HINGE else 'N'
             yield (
                 f'gravity takes {abs(load):.4g} {unit} at {printable(links[i].name)} at home, '

@@ -45,7 +45,7 @@ class Link(NamedTuple):
     rotation: Array  # frame at position zero, seen from the parent's, shape (3, 3)
     origin: Array  # its origin in the frame of the parent [m], shape (3,)
     axis: Array  # unit vector in its frame, shape (3,)
-    spins: bool = False  # whether it is of a ball that may spin freely about its last hinge
+    spins: int = 0  # LAST or FIRST: of a ball whose rod spins freely about that hinge
 
 
 class Tree(NamedTuple):
