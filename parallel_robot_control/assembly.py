@@ -49,7 +49,7 @@ def assemble(
     gains, robot = configuration.gains[name], configuration.robot
     prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
     if prepared.foreign is not None:
-        prepared.foreign.judge_period(configuration.loop.period)
+        prepared.foreign.judge_loop(configuration.loop.period, robot.joint_units)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
     distinguish(type(configuration.margins))
     state = configuration.margins, row, row, guess

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple, Protocol
 
-from parallel_robot_model.common.units import Array
+from parallel_robot_model.common.units import Array, JointUnits
 from parallel_robot_model.compiler import vector
 from parallel_robot_model.robots.contract import Model
 
@@ -94,8 +94,8 @@ class Foreign(Protocol):
     @property
     def ready(self) -> bool: ...  # noqa: D102
 
-    def judge_period(self, period: float) -> None:
-        """Refuse a period [s] that is not the law's, by an InputError."""
+    def judge_loop(self, period: float, units: JointUnits) -> None:
+        """Refuse a period [s] or joints that are not the law's, by an InputError."""
 
     def choose(self, memory: Any, gains: Any) -> None:
         """Have gains for one who asks with an initial memory."""

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element, SubElement
 from numba import typeof
 
 from parallel_robot_model.common.errors import ParallelRobotError
-from parallel_robot_model.common.units import JointUnits
+from parallel_robot_model.common.units import BASES, JointUnits
 from parallel_robot_model.compiler import Boxed, FirstClass, Leaf, leaves
 from parallel_robot_model.configuration.fields import Field, PerJoint, parameters
 
@@ -148,14 +148,6 @@ TYPES = {
     2: {'real': 'Real', 'integer': 'Integer', 'boolean': 'Boolean'},
     3: {'real': 'Float64', 'integer': 'Int32', 'boolean': 'Boolean'},
 }
-# Exponents of kg, m, s, A, K, mol, cd, rad of units; of others the name alone is told.
-BASES = {
-    's': {'s': 1}, 'm': {'m': 1}, 'kg': {'kg': 1}, 'rad': {'rad': 1}, 'Hz': {'s': -1},
-    'm/s': {'m': 1, 's': -1}, 'm/s^2': {'m': 1, 's': -2},
-    'rad/s': {'rad': 1, 's': -1}, 'rad/s^2': {'rad': 1, 's': -2},
-    'N': {'kg': 1, 'm': 1, 's': -2}, 'N m': {'kg': 1, 'm': 2, 's': -2},
-    'kg m^2': {'kg': 1, 'm': 2}, '1/s': {'s': -1},
-}  # fmt: skip
 
 
 def description(

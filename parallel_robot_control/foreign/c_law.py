@@ -66,6 +66,7 @@ class CLaw:
     """
 
     multiples = aged = False
+    kinds = ()
 
     def __init__(self, file: str, joints: int, question: Any, answer: Any) -> None:
         """Load it.

@@ -47,6 +47,7 @@ class Channel:
         period: The period that the law must have [s]; 0 if it takes any.
         multiples: Whether multiples of it will do, too.
         aged: Whether the law takes the age of the state, with the reference of now.
+        kinds: Joints, whether each is a slide for the law, and what says so.
     """
 
     def __init__(self, file: str, names: Mapping[str, Any], joints: int) -> None:
@@ -95,6 +96,7 @@ class Channel:
             self._tell(session)
         self.period = float(said['period'])
         self.multiples, self.aged = bool(said['multiples']), bool(said['aged'])
+        self.kinds = said['kinds']
         floats = self.space.floats
         floats[[DESCRIPTOR, GOT]] = ours.fileno(), self._sizes
         floats[POLLED : POLLED + 1].view(np.int32)[:] = ours.fileno(), select.POLLIN

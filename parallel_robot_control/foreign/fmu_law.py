@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import zipfile
@@ -14,6 +15,7 @@ from parallel_robot_control.foreign import process
 from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_control.foreign.process import MOST_GAINS
 from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line
+from parallel_robot_model.common.units import BASES, BOTH, HINGES, SLIDES
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import Field, check
 
@@ -114,6 +116,23 @@ RESULTS = {  # of the answer
     'sliding_variable': process.SLIDING_VARIABLE,
     'coupled_error': process.COUPLED_ERROR,
 }
+UNITS = {  # of hinges; that of a sliding variable is the law's own
+    'position': 'rad',
+    'velocity': 'rad/s',
+    'reference.position': 'rad',
+    'reference.velocity': 'rad/s',
+    'reference.acceleration': 'rad/s^2',
+    'excess': 'N m',
+    'disturbance': 'N m',
+    'gravity': 'N m',
+    'error': 'rad',
+    'error_rate': 'rad/s',
+    'torque': 'N m',
+    'coupled_error': 'rad',
+    'age': 's',
+    'time': 's',
+}
+SAYS_NOTHING = (None, '', '-', '1')  # as a unit
 INPUTS = (*INPUT_ROWS, *DIFFERENCES)
 AGE_NAME, FAULT_NAME = 'age', 'fault'  # one number each
 KNOWN = {'inputs': (*INPUTS, AGE_NAME), 'outputs': (*RESULTS, FAULT_NAME)}
@@ -193,6 +212,9 @@ VERSIONS = ('2.0', '3.0')
 NUMBERS = (*FLOATS, 'Boolean', 'Integer', 'Int8', 'UInt8', 'Int16', 'UInt16', 'Int32', 'UInt32')
 PLACES = ('binaries/linux64/', 'binaries/x86_64-linux/')
 MANY = 100_000  # periods between two states
+DISCARDED, TERMINATED = 2, 3  # fmi2Discard, fmi2Terminated
+ENDS = 'asks for the end of the simulation'
+SI = ('rad', 'kg', 'm', 's', 'A', 'K', 'mol', 'cd')
 TAKEN_OFF = 'estimator.zero_angle'  # of an exported law: the cycle around it takes them off
 
 
@@ -238,7 +260,15 @@ class FmuLaw:
         # the length of its steps [s]; 0 if it takes any
         self.period = float(task['names'].get('step', own) or 0.0)
         self.multiples = bool(any_step)  # whether it takes multiples of it, too
+        self._third = described.fmiVersion == '3.0'
         self._variables = {variable.name: variable for variable in described.modelVariables}
+        self._units = {unit.name: unit.baseUnit for unit in described.unitDefinitions}
+        # by joint, and whether it is a slide, what says so by its unit
+        self._kinds: dict[tuple[int, bool], str] = {}
+        self._scales: dict[str, list[tuple[float, float]]] = {}  # factors and offsets to our units
+        for variable in self._variables.values():
+            if variable.causality == 'independent' and self._scale(variable, 'time') != (1.0, 0.0):
+                raise InputError(f'{self._file}: {variable.name} is in {variable.unit}, not in s')
         groups = {group: names_given(task['names'], group) for group in NAME_GROUPS}
         self._inputs = self._named(groups['inputs'], 'input', INPUTS)
         if not self._inputs:
@@ -249,6 +279,9 @@ class FmuLaw:
         self._fault = self._alone(groups['outputs'], 'output', FAULT_NAME, NUMBERS)
         self._age = self._alone(groups['inputs'], 'input', AGE_NAME, FLOATS)
         self.aged = self._age is not None  # whether it takes the age of the state
+        if self._age:
+            self._scales[AGE_NAME] = [self._scale(self._age, AGE_NAME)]
+        self.kinds = [(*key, text) for key, text in self._kinds.items()]
         own = (self._variables.get(f'{TAKEN_OFF}[{k + 1}]') for k in range(self._joints))
         zeros = {each.name: 0.0 for each in own if each and each.causality == 'parameter'}
         groups['parameters'] = zeros | groups['parameters']
@@ -271,10 +304,9 @@ class FmuLaw:
         self._unit: Any = instantiate_fmu(
             task['folder'], described, 'CoSimulation', logger=self._log, require_functions=False
         )
-        self._third = described.fmiVersion == '3.0'
         self._time, self._period = 0.0, math.inf
         self._used = False
-        self._initialise()
+        self._begin()
 
     def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`.
@@ -286,7 +318,7 @@ class FmuLaw:
             if self._used or chosen != self._chosen:
                 self._chosen = chosen
                 self._call(self._unit.reset)
-                self._initialise()
+                self._begin()
             self._used = True
             # A run may begin after a gap; the period is known from one that does not.
             known = self.period and not self.multiples
@@ -302,16 +334,27 @@ class FmuLaw:
             else:
                 one, other = DIFFERENCES[name]
                 values = [asked[n * one + k] - asked[n * other + k] for k in range(n)]
-            self._put(variables, values)
+            self._put(variables, self._foreign(name, values))
         if self._age:
-            self._put([self._age], [age])
+            self._put([self._age], self._foreign(AGE_NAME, [age]))
+        if begins:
+            self._call(self._unit.exitInitializationMode)
         self._step(self._period)
         for name, variables in self._outputs.items():
-            begin = n * RESULTS[name]
-            self._answer[begin : begin + n] = self._get(variables)
+            begin, scales = n * RESULTS[name], self._scales[name]
+            self._answer[begin : begin + n] = [
+                value * factor + offset if offset else value * factor
+                for value, (factor, offset) in zip(self._get(variables), scales, strict=True)
+            ]
         return float(self._get([self._fault])[0]) if self._fault else 0.0
 
-    def _initialise(self) -> None:
+    def _foreign(self, name: str, values: Iterable[float]) -> list[float]:
+        """Values in the units of the FMU."""
+        scaled = zip(values, self._scales[name], strict=True)
+        return [(value - offset) / factor for value, (factor, offset) in scaled]
+
+    def _begin(self) -> None:
+        """Begin the initialisation, which ends when the first inputs are set."""
         unit, self._time = self._unit, 0.0
         for variable, value in self._parameters:
             self._put([variable], value if isinstance(value, list) else [value])
@@ -320,11 +363,13 @@ class FmuLaw:
         if not self._third:
             self._call(unit.setupExperiment, startTime=0.0)
         self._call(unit.enterInitializationMode)
-        self._call(unit.exitInitializationMode)
 
     def _step(self, period: float) -> None:
-        self._call(self._unit.doStep, self._time, period)
+        done = self._call(self._unit.doStep, self._time, period)
         self._time += period
+        if self._third and (done[1] or done[2]):
+            ends = f'returned early, at {done[3]:.9g} s' if not done[1] else ENDS
+            raise InputError(f'the FMU {ends}{self._words()}')
 
     def _put(self, variables: list[Any], values: Iterable[float]) -> None:
         """Set variables of one type."""
@@ -345,8 +390,15 @@ class FmuLaw:
         try:
             return function(*given, **named)
         except Exception as error:
-            said = f', {self._said}' if self._said else ''
-            raise InputError(f'the FMU failed: {first_line(error)}{said}') from None
+            ends = False
+            if not self._third and getattr(error, 'status', None) == DISCARDED:
+                with contextlib.suppress(Exception):  # it need not have this function
+                    ends = self._unit.getBooleanStatus(TERMINATED)
+            failed = ENDS if ends else f'failed: {first_line(error)}'
+            raise InputError(f'the FMU {failed}{self._words()}') from None
+
+    def _words(self) -> str:
+        return f', {self._said}' if self._said else ''
 
     def _log(self, *words: Any) -> None:
         """Remember what the FMU says: its last word is the message."""
@@ -380,7 +432,29 @@ class FmuLaw:
             if len({each.type for each in of_name}) > 1:
                 raise InputError(f'{role}s.{name}: {", ".join(texts)} are of different types')
             found[name] = of_name
+            joints = range(self._joints)
+            self._scales[name] = [self._scale(of_name[0 if whole else k], name, k) for k in joints]
         return found
+
+    def _scale(self, variable: Any, name: str, joint: int | None = None) -> tuple[float, float]:
+        """Factor and offset from the unit that a variable declares to that of the suite."""
+        declared = variable.declaredType
+        unit, ours = variable.unit or getattr(declared, 'unit', None), UNITS.get(name)
+        if unit in SAYS_NOTHING or ours is None:
+            return 1.0, 0.0
+        base = self._units.get(unit)
+        fits = [kind for kind in (HINGES, SLIDES) if _fits(unit, base, BASES[kind.of(ours)])]
+        if not fits or (base and not 0.0 < abs(base.factor) < math.inf):
+            raise InputError(
+                f'{self._file}: {variable.name} is in {unit}, {_defined(base)}: {name} is in '
+                f'{BOTH.of(ours)}'
+            )
+        if joint is not None and len(fits) == 1:
+            self._kinds.setdefault((joint, fits == [SLIDES]), f'{variable.name} is in {unit}')
+        if base is None:
+            return 1.0, 0.0
+        relative = variable.relativeQuantity or getattr(declared, 'relativeQuantity', False)
+        return base.factor, 0.0 if relative or 'error' in name else base.offset
 
     def _alone(self, given: dict[str, Any], role: str, known: str, types: tuple[str, ...]) -> Any:
         """The variable of a name of the suite that is one number: as given, or if one fits."""
@@ -420,6 +494,23 @@ class FmuLaw:
 def load(task: Any, question: Any, answer: Any) -> FmuLaw:
     """Load the FMU of a task."""
     return FmuLaw(task, question, answer)
+
+
+def _fits(unit: str, base: Any, wanted: Mapping[str, int]) -> bool:
+    """Whether a unit is of some base units: by its definition, else by its name."""
+    if base is None:
+        plain = unit.replace('N.m', 'N m').replace('N*m', 'N m').replace('Nm', 'N m')
+        return BASES.get(plain.replace('s2', 's^2')) == wanted
+    angle = 'rad' in unit or 'deg' in unit or base.rad == wanted.get('rad', 0)
+    return angle and all(getattr(base, si) == wanted.get(si, 0) for si in SI[1:])
+
+
+def _defined(base: Any) -> str:
+    """The definition of a unit, in words."""
+    if base is None:
+        return 'which it does not define'
+    powers = ' '.join(f'{si}^{getattr(base, si)}' for si in SI if getattr(base, si))
+    return f'which is {base.factor:.6g} {powers or "without a unit"}'
 
 
 def _size(variable: Any) -> int:

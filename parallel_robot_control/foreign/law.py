@@ -14,6 +14,7 @@ from parallel_robot_control.foreign.channel import Channel, Gains, Memory, updat
 from parallel_robot_control.foreign.fmu_law import gains_class
 from parallel_robot_control.foreign.process import KINDS
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import JointUnits
 
 PERIODS = 1e-6  # by which two periods may differ, as a share
 
@@ -71,14 +72,20 @@ class ForeignLaw:
         if digest != self.sha256:
             raise InputError(f'{self.path} is not the file that is meant: its sha256 is {digest}')
 
-    def judge_period(self, period: float) -> None:
-        """Refuse a period that is not the law's; it has an initial memory.
+    def judge_loop(self, period: float, units: JointUnits) -> None:
+        """Refuse a period or joints that are not the law's; it has an initial memory.
 
         Raises:
-            InputError: the law is for another one.
+            InputError: the law is for another period, or for slides where hinges are.
         """
-        own = self._channel.period if self._channel else 0.0
-        if not own or self._channel is None:
+        if self._channel is None:
+            return
+        for joint, slide, text in self._channel.kinds:
+            if slide != any(units.slides[joint : joint + 1]):
+                kind = 'hinge' if slide else 'slide'
+                raise InputError(f'{self.path}: {text}, but joint {joint + 1} is a {kind}')
+        own = self._channel.period
+        if not own:
             return
         steps = round(period / own) if self._channel.multiples else 1
         if not steps or abs(steps * own - period) > PERIODS * period:

@@ -83,6 +83,8 @@ class Loaded(Protocol):
     period: float  # the period that it must have [s]; 0 if it takes any
     multiples: bool  # whether multiples of it will do, too
     aged: bool  # whether it takes the age of the state, with the reference of now
+    # of a joint, by its 0-based index, whether it is a slide, and what says so
+    kinds: Sequence[tuple[int, bool, str]]
 
     def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """Answer the question in memory: the number of a fault of its own, 0 without one.
@@ -123,7 +125,7 @@ def main() -> None:
     try:
         kind = import_module(f'parallel_robot_control.foreign.{KINDS[file.suffix]}')
         law: Loaded = kind.load(task, question, answer)
-        said = {key: getattr(law, key) for key in ('period', 'multiples', 'aged')}
+        said = {key: getattr(law, key) for key in ('period', 'multiples', 'aged', 'kinds')}
         channel.send(json.dumps(said).encode())
     except BaseException as error:  # whatever a law raises
         channel.send(json.dumps({'refused': _told(error)}).encode())

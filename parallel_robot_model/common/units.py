@@ -23,6 +23,15 @@ KEYS = {'rad': 'm', 'urad': 'um', 'nm': 'n', 'rad2': 'm2', 'nm2': 'n2'}  # in na
 ROTATION = 'rotation'  # in names of angles that are none of joints
 WORD = re.compile(rf'(?<![^_])({"|".join(KEYS)})(?![^_])')
 
+# Exponents of the base units kg, m, s, A, K, mol, cd, rad.
+BASES = {
+    's': {'s': 1}, 'm': {'m': 1}, 'kg': {'kg': 1}, 'rad': {'rad': 1}, 'Hz': {'s': -1},
+    'm/s': {'m': 1, 's': -1}, 'm/s^2': {'m': 1, 's': -2},
+    'rad/s': {'rad': 1, 's': -1}, 'rad/s^2': {'rad': 1, 's': -2},
+    'N': {'kg': 1, 'm': 1, 's': -2}, 'N m': {'kg': 1, 'm': 2, 's': -2},
+    'kg m^2': {'kg': 1, 'm': 2}, '1/s': {'s': -1},
+}  # fmt: skip
+
 EFFORT = re.compile(r'(?<![a-zA-Z])([tT])orque(s?)(?![a-zA-Z])')
 BRACKETS = re.compile(r'\[([^]]*)\]')
 
