@@ -12,7 +12,6 @@ import hashlib
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
-from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -125,6 +124,7 @@ def _named(kind: Any) -> str:
 OTHERS = (1, 2, 5)  # numbers of joints that a law should support, too
 UPDATES = 5  # for each number of joints
 FORGETS = 'memory never changes, whatever the error: update returns it as it came'
+DIFFERS = '{} gives other numbers for the same input, as a random one or a time: rerun will differ'
 SIZES = (0.0, 1e-3, 1.0, 10.0)  # magnitudes of the samples
 
 
@@ -179,15 +179,15 @@ def _trial(task: dict[str, Any]) -> dict[str, str]:
     warnings = []
     for joints in (task['joints'], *OTHERS):
         try:
-            remembers = _run(law, gains, joints)
+            found = _run(law, gains, joints)
         except RAISED as error:
             text = str(error) if isinstance(error, InputError) else _raised(error, file)
             if joints == task['joints']:
                 return {'refused': text}
             warnings.append(f'written for {task["joints"]} joints; with {joints}: {text}')
             break
-        if joints == task['joints'] and not remembers:
-            warnings.append(FORGETS)
+        if joints == task['joints']:
+            warnings += found
     return {'warnings': '\n'.join(warnings)}
 
 
@@ -198,10 +198,11 @@ def _raised(error: BaseException, file: Path) -> str:
     return first_line(error) + (f' (line {lines[-1]})' if lines else '')
 
 
-def _run(law: Any, gains: Any, joints: int) -> bool:
-    """Update a law several times with a number of joints; whether it uses its memory."""
+def _run(law: Any, gains: Any, joints: int) -> list[str]:
+    """Update a law several times with a number of joints; what it does that it should not."""
     with trial_step('initial_memory', TRIAL_LIMIT):
-        memory = as_arrays(law.initial_memory(joints))
+        memory, again = (as_arrays(law.initial_memory(joints)) for _ in range(2))
+    differs = [] if _equal(memory, again) else ['initial_memory']
     first = copy.deepcopy(memory)  # an update may write into it
     remembers = not any(map(np.size, _values(first)))
     random = np.random.default_rng(joints)
@@ -213,9 +214,12 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
         if k == 0:
             with trial_step('the compilation of update'):
                 given = _compiled_for(law, words)
+        copied = copy.deepcopy(words)
         with trial_step('update', TRIAL_LIMIT):
             try:
                 output = law.update(*given(words))
+                if not _equal(output, law.update(*given(copied))):
+                    differs.append('update')
             except Exception as error:
                 size = np.abs(rows[0] - rows[3]).max()
                 where = f'in the trial with made-up states, here errors up to {size:.2g} rad'
@@ -225,9 +229,13 @@ def _run(law: Any, gains: Any, joints: int) -> bool:
         if wrong := _wrong_shapes(output, joints, first):
             raise InputError(wrong)
         memory = output.memory
-        pairs = zip(_values(memory), _values(first), strict=True)
-        remembers = remembers or not all(starmap(np.array_equal, pairs))
-    return remembers
+        remembers = remembers or not _equal(memory, first)
+    return [DIFFERS.format(each) for each in dict.fromkeys(differs)] + [FORGETS] * (not remembers)
+
+
+def _equal(one: Any, other: Any) -> bool:
+    pairs = zip(_values(one), _values(other), strict=True)
+    return all(np.array_equal(*pair, equal_nan=True) for pair in pairs)
 
 
 def _values(memory: Any) -> list[Any]:

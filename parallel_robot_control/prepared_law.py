@@ -112,6 +112,7 @@ class PreparedLaw(NamedTuple):
     law: Boxed  # what its step takes: the law as LawParts, boxed, of one type for all laws
     warnings: tuple[str, ...]  # objections of the theory to gains that are accepted all the same
     foreign: Foreign | None = None  # the foreign law that it is, if it is one
+    arrays: str = ''  # why its update works with arrays; empty if it works with vectors
 
     def begin(self) -> None:
         """Forget what was before."""
@@ -180,14 +181,16 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     try:
         own = _compiled(stepping(law.update, False), parts, *_motion(row, matrix), 1e-3)
         fits = INTERPRETED or own.signature().return_type == typeof(Asked(row, row, row))
-    except Exception:  # if it is wrong with arrays, too, that is said of it
-        fits = False
+        unfit: Exception = InputError('what it returns')
+    except Exception as error:  # if it is wrong with arrays, too, that is said of it
+        fits, unfit = False, error
     if not fits:
         own = _with_arrays(name, law, parts, joints)
-    if name not in LAWS and foreign is None:
+    if name not in LAWS and foreign is None and not INTERPRETED:  # Python checks bounds itself
         warnings += law_trial.warnings_of(name, law, gains, joints)
     step = own.erased(ANY)
-    return PreparedLaw(name, gains, kept, step, Boxed(parts.value, ANY), warnings, foreign)
+    why = '' if fits else reason(unfit, cast(Any, law.update).py_func)
+    return PreparedLaw(name, gains, kept, step, Boxed(parts.value, ANY), warnings, foreign, why)
 
 
 def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:

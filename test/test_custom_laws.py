@@ -325,6 +325,20 @@ def test_a_memory_that_never_changes_is_told(write):
     assert warning.startswith('forgetful: memory never changes')
 
 
+def test_numbers_that_do_not_follow_from_its_input_are_told(write):
+    told = 'gives other numbers for the same input, as a random one or a time: rerun will differ'
+    for name, part, replaced in (
+        (
+            'drawn',
+            'update',
+            ('    return Con', '    torque += np.random.normal()\n    return Con'),
+        ),
+        ('shaken', 'initial_memory', ('np.zeros(joints)', 'np.random.normal(size=joints)')),
+    ):
+        (warning,) = prepare(name, values_of(write(name, replaced))).warnings
+        assert warning == f'{name}: {part} {told}'
+
+
 def test_a_title_is_what_pictures_and_reports_call_a_law(write):
     path = write('named', ('class Gains', "TITLE = 'my \u03bb law'  # of 2026\n\n\nclass Gains"))
     law_loader.load(str(path))

@@ -138,7 +138,16 @@ def test_law_that_makes_arrays_is_one_line(tmp_path, capsys):
     made_anew = '    position = feedback.position.copy()\n    position[0] += 0.0\n'
     own.write_text(text[:begin] + made_anew + text[begin:])
     assert main(['fmu', 'law', str(own), '--out', str(tmp_path / 'x.fmu')]) == 2
-    assert 'cannot make arrays' in capsys.readouterr().err
+    line = text[:begin].count('\n') + 1
+    told = (
+        f"update needs for Unknown attribute 'copy' of type Vector(3, float64) ({own.name}:{line})"
+    )
+    assert told in capsys.readouterr().err
+    clipped = text.replace('    return', '    torque = np.clip(torque, -5.0, 5.0)\n    return')
+    own.write_text(clipped)
+    assert main(['fmu', 'law', str(own), '--out', str(tmp_path / 'x.fmu')]) == 2
+    err = capsys.readouterr().err
+    assert f'({own.name}:{clipped.count(chr(10)) - 1})' in err and 'clip in place of it' in err
 
 
 def check_symbols(file):

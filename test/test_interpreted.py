@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from custom_law import LAW
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import Feedback, JointReference
@@ -85,3 +86,22 @@ def test_as_python_they_are_the_same(tmp_path):
     assert np.array_equal(own[3], own[8])
     matrix = [[4.0, 1.0, 0.0], [1.0, 3.0, 0.5], [0.0, 0.5, 2.0]]
     np.testing.assert_allclose(np.array(matrix) @ own[9], own[0], rtol=1e-12)
+
+
+def test_a_law_that_was_never_compiled_stops_in_its_update(tmp_path):
+    own = tmp_path / 'fresh.py'
+    text = LAW.replace('    e = ref', f'    breakpoint()  # {tmp_path}\n    e = ref')
+    own.write_text(text)
+    environment = {'NUMBA_DISABLE_JIT': '1', 'PYTHONPATH': str(Path(__file__).parents[1])}
+    words = ['simulate', 'paper_circle', '--law', str(own), '--duration', '0.001', '--out', 'bag']
+    done = subprocess.run(
+        [sys.executable, '-m', 'parallel_robot', *words],
+        input='p gains\nn\np e.shape\n' + 'c\n' * 20,
+        env={**os.environ, **environment},
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert 'Kp=' in done.stdout and '(Pdb) (3,)' in done.stdout
+    assert (tmp_path / 'bag').is_dir()

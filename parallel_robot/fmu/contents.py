@@ -37,6 +37,7 @@ from parallel_robot_sim.simulation import samples_of
 from trajectory_gen import preflight
 
 MOST = 600_001  # samples of a motion, of 24 bytes a joint
+INSTEAD = {'clip': 'clip', 'where': 'select', 'dot': 'dot'}  # of NumPy, for vectors
 OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_age')
 
 
@@ -61,6 +62,15 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     if getattr(configuration.laws[loop.law], 'foreign', None) is not None:
         raise InputError(f'{loop.law} is a foreign law: an FMU is made of kernels', 'law')
     assembled = control.assemble(configuration)
+    if assembled.law.arrays:
+        what = assembled.law.arrays.rpartition('>>> ')[2]
+        own = INSTEAD.get(what.partition('(')[0])
+        instead = f': {own} in place of it' if own else ''
+        raise InputError(
+            f'{loop.law}: native code cannot make arrays, which update needs for {what}; '
+            f'see vectors in docs/robots.md{instead}',
+            'law',
+        )
     root = law_instance(assembled, loop.period)
     instance: LawInstance = root.value
     values: Any = instance.values

@@ -190,6 +190,9 @@ class Boxed:
             raise AttributeError(name)
         return getattr(self.value, name)
 
+    def __repr__(self) -> str:
+        return repr(self.value)
+
 
 def _plain(value: Any) -> Any:
     """A value with addresses in place of what lies elsewhere."""

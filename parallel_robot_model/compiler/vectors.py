@@ -299,7 +299,7 @@ UNARY: tuple[Any, ...] = (
 BINARY: tuple[Any, ...] = (
     operator.add, operator.sub, operator.mul, operator.truediv, operator.pow, operator.lt,
     operator.le, operator.gt, operator.ge, operator.eq, operator.ne, operator.and_, operator.or_,
-    math.copysign, np.copysign, math.atan2, np.arctan2,
+    math.copysign, np.copysign, math.atan2, np.arctan2, np.maximum, np.minimum,
 )  # fmt: skip
 
 
