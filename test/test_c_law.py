@@ -254,23 +254,24 @@ from parallel_robot_control.foreign.channel import Channel
 from parallel_robot_control.foreign.process import WORD, question_length
 channel = Channel(sys.argv[1], {}, 3)
 channel._socket.send(bytes(WORD * question_length(3)))
-print(channel._process.pid, channel._folder.name, flush=True)
+print(channel._process.pid, flush=True)
 sys.stdin.read()
 """
 
 
 @pytest.mark.parametrize('body', ['for (;;);', 'return 0;'], ids=['busy', 'idle'])
-def test_its_process_ends_with_the_one_that_asks(tmp_path, body):
+def test_its_process_ends_with_the_one_that_asks_and_leaves_nothing(tmp_path, monkeypatch, body):
+    (tmp_path / 'temporary').mkdir()
+    monkeypatch.setenv('TMPDIR', str(tmp_path / 'temporary'))
     head = 'int32_t law_update(const law_input *in, law_output *out)'
     source = f'#include "parallel_robot_law.h"\n{head} {{ {body} }}'
     words = [sys.executable, '-c', WAITS, str(compiled(tmp_path / 'law.so', source))]
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as asking:
         ends = select.poll()
-        number, place = asking.stdout.readline().decode().split()
+        number = asking.stdout.readline().decode()
         ends.register(os.pidfd_open(int(number)), select.POLLIN)
-        assert Path(place).is_dir()
         asking.kill()
-    assert ends.poll(60_000) and not Path(place).exists()
+    assert ends.poll(60_000) and not [*(tmp_path / 'temporary').glob('*law*')]
 
 
 @pytest.fixture

@@ -1,7 +1,13 @@
-"""FMUs as laws: their units, their initialisation, and an end that they ask for."""
+"""FMUs as laws: units, initialisation, an end that they ask for, and what they leave behind."""
 
 import math
+import os
 import re
+import select
+import signal
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -102,3 +108,30 @@ def test_an_end_that_it_asks_for_is_a_fault(tmp_path, fmi):
     time, told = run_of(made(tmp_path / 'ends.fmu', fmi, last=4)).fault
     assert time == pytest.approx(0.004)
     assert told == 'the FMU asks for the end of the simulation'
+
+
+ASKS = """
+import sys
+from parallel_robot_control.foreign.channel import Channel
+channel = Channel(sys.argv[1], {}, 3)
+print(channel._process.pid, channel._folder.name, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_folder_of_a_killed_process_goes_with_it_or_with_the_next(tmp_path, monkeypatch):
+    temporary = tmp_path / 'temporary'
+    temporary.mkdir()
+    monkeypatch.setenv('TMPDIR', str(temporary))
+    words = [sys.executable, '-c', ASKS, str(made(tmp_path / 'lag.fmu'))]
+    for both in (False, True, False):
+        with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as asking:
+            number, place = asking.stdout.readline().decode().split()
+            ends = select.poll()
+            ends.register(os.pidfd_open(int(number)), select.POLLIN)
+            assert [*temporary.glob('*law*')] == [Path(place)]
+            if both:
+                os.kill(int(number), signal.SIGKILL)
+                assert ends.poll(60_000)
+            asking.kill()
+        assert ends.poll(60_000) and Path(place).exists() == both

@@ -6,10 +6,12 @@ import contextlib
 import json
 import os
 import select
+import shutil
 import socket
 import subprocess
 import tempfile
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -37,6 +39,7 @@ from parallel_robot_model.robots.contract import Model
 PROCESS = 'parallel_robot_control.foreign.process'
 LOADING = 60.0  # s, within which a law must be loaded
 ENDING = 5.0  # s, for a process that is told to end
+FOLDER = 'parallel_robot_law_'  # and the number of the process that asks
 
 
 class Channel:
@@ -62,7 +65,7 @@ class Channel:
             InputError: the law cannot be loaded, or is for another number of joints.
         """
         self._task = {'file': file, 'names': dict(names), 'joints': joints}
-        self._folder = tempfile.TemporaryDirectory(prefix='parallel_robot_law_')
+        self._folder = _new_folder() if file.endswith('.fmu') else None
         self._begin = process.question_length(joints) + HEAD
         words = max(process.answer_length(joints), process.TEXT // process.WORD)
         self.space = Space(self._begin + words)
@@ -82,7 +85,7 @@ class Channel:
         if self._owner == os.getpid():
             self._end()
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        task = json.dumps(self._task | {'folder': self._folder.name})
+        task = json.dumps(self._task | {'folder': self._folder.name if self._folder else ''})
         with theirs:
             self._process = subprocess.Popen(
                 command(PROCESS, str(theirs.fileno()), task),
@@ -180,6 +183,15 @@ class Channel:
             return f'the law {self._how()}'
         text = self.space.floats[self._begin :].tobytes()[:got]
         return printable(text.decode(errors='replace').strip())
+
+
+def _new_folder() -> tempfile.TemporaryDirectory[str]:
+    """A folder of an FMU; those of processes that were killed are removed."""
+    for left in Path(tempfile.gettempdir()).glob(f'{FOLDER}*_*'):
+        number = left.name.removeprefix(FOLDER).partition('_')[0]
+        if number.isdigit() and not Path('/proc', number).exists():
+            shutil.rmtree(left, ignore_errors=True)
+    return tempfile.TemporaryDirectory(prefix=f'{FOLDER}{os.getpid()}_')
 
 
 # The update of a foreign law: it asks the process of the law.
