@@ -41,6 +41,19 @@ def test_motors_that_brake_are_told_from_those_that_drive(log):
     assert not motors_braked(log, 5.0, 6.0).holds
 
 
+def test_noise_beside_the_torque_of_gravity_is_no_drive(log):
+    random = np.random.default_rng(1)
+    shape = log.velocity.shape
+    for effort in (0.0, 2.0, 40.0):  # N m
+        for at_rest in (1e-4, 1e-2):  # rad/s
+            held = effort + random.normal(scale=1e-2 * effort, size=shape)
+            still = random.normal(scale=at_rest, size=shape)
+            drill = log._replace(effort=held, velocity=still)
+            assert motors_braked(drill, 0.1, 0.9).holds
+            lifts = drill._replace(velocity=still + 0.2 * at_rest)
+            assert motors_braked(lifts, 0.1, 0.9).holds == (effort == 0.0)
+
+
 @pytest.mark.parametrize(
     ('pairs', 'holds', 'text'),
     [

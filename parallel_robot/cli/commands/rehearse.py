@@ -34,7 +34,7 @@ from parallel_robot_model.common.errors import (
     RunError,
     StoppedError,
 )
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_sim.configuration import configure
@@ -80,6 +80,12 @@ def fault_between(
     return Finding(True, text, (began, cleared))
 
 
+def _noise_of(rows: Array) -> Array:
+    """Noise of each joint, rms: that of the usual change from a sample to the next."""
+    usual: Array = np.median(np.abs(np.diff(rows, axis=0)), axis=0)
+    return usual * 1.4826 / 2**0.5  # as of a normal distribution
+
+
 def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
     """Whether the motors took away energy all the time, and how far the joints went.
 
@@ -93,17 +99,24 @@ def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
         return Finding(False, f'no states from t = {begin:.2f} to {end:.2f} s')
     if not (log.has_efforts and log.has_velocities):
         return Finding(False, 'the bag does not tell: it has no efforts or no velocities')
-    power = (log.effort[rows] * log.velocity[rows]).sum(axis=1)
+    effort, velocity, step = log.effort[rows], log.velocity[rows], np.diff(log.time[rows])
     drift = float(np.abs(np.ptp(log.position[rows], axis=0)).max())
-    speed = float(np.abs(log.velocity[rows][-1]).max())
-    driven = float(np.maximum(power, 0.0).max())
+    speed = float(np.abs(velocity[-1]).max())
+    work = np.concatenate([[0.0], np.cumsum((effort * velocity).sum(axis=1)[1:] * step)])
+    driven = float((work - np.minimum.accumulate(work)).max())
+    of_effort, of_velocity = _noise_of(effort), _noise_of(velocity)
+    random = np.square(effort * of_velocity) + np.square(velocity * of_effort)
+    limit = (of_effort * of_velocity).sum() * step.sum() + LEAST_WORK
+    limit += CLEAR_OF_NOISE * float(np.sqrt(np.square(step) @ random[1:].sum(axis=1)))
     rad, rate = log.units.of('rad'), log.units.of('rad/s')
     text = f'joints went {drift:.2g} {rad}, {speed:.2g} {rate} at the end'
-    if driven > 1e-3:  # W, more than the noise of velocities makes
-        return Finding(False, f'the motors drove with up to {driven:.2g} W; {text}')
+    if driven > limit:
+        noise = f'where the noise of efforts and velocities makes up to {limit:.2g} J'
+        return Finding(False, f'the motors drove with {driven:.2g} J, {noise}; {text}')
     return Finding(True, f'the motors braked; {text}')
 
 
+LEAST_WORK, CLEAR_OF_NOISE = 1e-6, 5.0  # J; standard deviations of the work of noise alone
 LAW = 'observer_s_fotsmc'
 NOISE = {'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-3}  # rad, rad/s
 INERTIA = re.compile(r'true_robot\.(m|I)(\d|p)?|true_robot\.inertia')
