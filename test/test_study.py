@@ -141,6 +141,22 @@ HOSTILE = {
         uncertain('robot.m1: {distribution: uniform, low: 2, high: 1}'),
         'low must be below high, not 2 and 1',
     ),
+    'an entry exchanged': (
+        uncertain('plant.initial_pose: {distribution: uniform, low: [0, 2, 1], high: [1, 1, 2]}'),
+        'low must be below high, not 2 and 1',
+    ),
+    'lists of two lengths': (
+        uncertain('plant.initial_pose: {distribution: uniform, low: [0, 0], high: [1, 1, 2]}'),
+        'the lists low and high must have one length',
+    ),
+    'a list too short': (
+        uncertain('plant.initial_pose: {distribution: uniform, low: [0, 0], high: [1, 1]}'),
+        'no list of 2 numbers',
+    ),
+    'a list for a number': (
+        uncertain('robot.m1: {distribution: uniform, low: [1], high: [2]}'),
+        'no list of 1 numbers',
+    ),
     'log of 0': (
         uncertain('robot.m1: {distribution: log_uniform, low: 0, high: 1}'),
         'log_uniform needs positive values',
@@ -351,6 +367,17 @@ def test_lists_have_one_draw_each_or_one_in_common():
     assert uncertainty.dimensions(common, nominal) == 1
     assert uncertainty.value(common, nominal, [0.75]) == [1.25, 2.5, 5.0]
     assert uncertainty.columns(common, nominal, [1.25, 2.5, 5.0]) == {'key': 1.25}
+
+
+def test_entries_of_a_list_may_have_ranges_of_their_own():
+    given = {'distribution': 'uniform', 'low': [0.5, -1.0, 1.5], 'high': [0.6, 1.0, 1.6]}
+    entry, nominal = uncertainty.parse('key', given), [0.55, 0.0, 1.55]
+    assert uncertainty.dimensions(entry, nominal) == 3
+    assert uncertainty.value(entry, nominal, [0.0, 0.75, 0.5]) == pytest.approx([0.5, 0.5, 1.55])
+    assert uncertainty.extremes(entry, nominal)[0] == given['low']
+    spread = uncertainty.parse('key', {'distribution': 'normal', 'std': [0.1, 1.0, 2.0]})
+    drawn = uncertainty.value(spread, nominal, [stats.norm.cdf(1.0)] * 3)
+    assert drawn == pytest.approx([0.65, 1.0, 3.55])
 
 
 STUDY = """

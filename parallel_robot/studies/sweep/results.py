@@ -97,6 +97,7 @@ class ScenarioResult:
     # error of any law; 'v d', the distance that the reference travels while a state is late
     levels: Mapping[str, Level] = field(default_factory=dict)
     efforts: int = len(OTHERS)  # how many of the quantities are of the effort, the last ones
+    together: str = ''  # parameters whose effects are not told apart, in words
 
 
 def evaluate(runs: Path, plan: Plan) -> dict[str, ScenarioResult]:
@@ -220,4 +221,5 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
         if (values[some] > NEGLIGIBLE).any():
             levels[name] = Level(values[some], _median(values[some], scramble[some]))
     duels = tuple(statistics.duels(of_laws))
-    return ScenarioResult(quantities, results, duels, levels, len(others))
+    alike = statistics.together(drawn)
+    return ScenarioResult(quantities, results, duels, levels, len(others), alike)

@@ -17,7 +17,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
 
-FEWEST = 10  # runs of which a rank correlation is computed
+FEWEST = 64  # runs of which a rank correlation is computed
+ALIKE = 1e-4  # of the largest error, a spread of errors that is none
+TOGETHER = 0.6  # rank correlation of two parameters whose effects cannot be told apart
 LEVEL = 0.95  # of all intervals
 RESAMPLES = 999
 BATCH = 20_000_000  # numbers that are resampled at once
@@ -49,7 +51,7 @@ class Driver:
     """An uncertain parameter and how the error goes with it."""
 
     parameter: str  # column of the parameter
-    correlation: Estimate  # spearman's rank correlation
+    correlation: Estimate  # partial rank correlation
 
 
 def median(values: Array) -> Estimate:
@@ -152,30 +154,65 @@ def corrected(p: Sequence[float]) -> list[float]:
     return [float(value) for value in adjusted]
 
 
-def drivers(parameters: Mapping[str, Array], values: Array) -> list[Driver]:
-    """Rank correlations of the error with the uncertain parameters, the strongest first.
+def fewest(parameters: int) -> int:
+    """Runs from which on it is told what the error goes with, by the number of parameters."""
+    return max(FEWEST, 2 * parameters)
 
-    The interval is Fisher's, with the variance for ranks of Bonett and Wright (2000),
-    Psychometrika 65(1).
+
+def drivers(parameters: Mapping[str, Array], values: Array) -> list[Driver]:
+    """Partial rank correlations of the error with the uncertain parameters, the strongest first.
+
+    What the other parameters explain is taken off both. The interval is Fisher's, with the
+    variance for ranks of Bonett and Wright (2000), Psychometrika 65(1).
 
     Args:
         parameters: Column to its values, one a run.
         values: One value a run, infinite for one that failed.
-    """
-    from scipy.stats import spearmanr  # slow to import
 
+    Returns:
+        Nothing of too few runs, or of errors that are all but equal.
+    """
+    from scipy.stats import rankdata  # slow to import
+
+    varied = [name for name, numbers in parameters.items() if np.ptp(numbers)]
+    finite = np.minimum(values, HUGE)
+    if len(values) < fewest(len(varied)) or np.ptp(finite) <= ALIKE * np.abs(finite).max():
+        return []
+    ranks = rankdata([*(parameters[name] for name in varied), finite], axis=1).T
+    ranks -= ranks.mean(axis=0)
     found = []
-    for name, numbers in parameters.items():
-        if len(values) < FEWEST or np.ptp(numbers) == 0.0 or (values == values[0]).all():
+    for k, name in enumerate(varied):
+        others, pair = np.delete(ranks, (k, -1), axis=1), ranks[:, (k, -1)]
+        own = pair - others @ (np.linalg.pinv(others) @ pair)
+        sizes = np.linalg.norm(own, axis=0) / np.linalg.norm(pair, axis=0)
+        if sizes[0] < ALIKE:  # others say the same
             continue
-        rank = float(spearmanr(numbers, np.minimum(values, HUGE)).statistic)
-        count = len(values)
+        rank = float(np.corrcoef(own.T)[0, 1]) if sizes[1] > ALIKE else 0.0
+        count = len(values) - len(varied) + 1
         most = 1.0 - 12.0 / (count**3 - count)  # the next one below 1, two neighbours exchanged
         inside = math.atanh(min(max(rank, -most), most))
         width = 1.959963984540054 * math.sqrt((1.0 + 0.5 * rank**2) / (count - 3))
         low, high = math.tanh(inside - width), math.tanh(inside + width)
         found.append(Driver(name, Estimate(rank, min(low, rank), max(high, rank))))
     return sorted(found, key=lambda driver: -abs(driver.correlation.value))
+
+
+def together(parameters: Mapping[str, Array]) -> str:
+    """Which two parameters go together most in their samples, in words; empty if none do."""
+    from scipy.stats import rankdata  # slow to import
+
+    varied = [name for name, numbers in parameters.items() if np.ptp(numbers)]
+    if len(varied) < 2:
+        return ''
+    ranks = np.corrcoef(rankdata([parameters[name] for name in varied], axis=1))
+    np.fill_diagonal(ranks, 0.0)
+    one, other = map(int, np.unravel_index(np.abs(ranks).argmax(), ranks.shape))
+    if abs(ranks[one, other]) < TOGETHER:
+        return ''
+    return (
+        f'{varied[one]} and {varied[other]} go together in these samples (rank correlation '
+        f'{ranks[one, other]:.2f}): their effects are not told apart'
+    )
 
 
 def distribution(values: Array) -> tuple[Array, Array]:

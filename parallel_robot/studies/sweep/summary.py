@@ -13,13 +13,13 @@ from typing import Any
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.studies.sweep.plan import Plan, sampling
 from parallel_robot.studies.sweep.results import Quantity, ScenarioResult
-from parallel_robot.studies.sweep.statistics import Estimate
+from parallel_robot.studies.sweep.statistics import Estimate, fewest
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.tables import Part, Table
 
 Results = Mapping[str, ScenarioResult]
-STRONGEST = 5  # parameters that are shown as drivers of the error; CSV has all
+STRONGEST = 5  # parameters that are shown as drivers of the error, if they are any; CSV has all
 NOTE = 'Medians, probabilities and rank correlations with 95 % intervals; those of medians {0}.'
 FAILED = 'A run that failed or ended in a fault counts as worse than every number.'
 PAIRS = (
@@ -40,6 +40,7 @@ def parts(plan: Plan, results: Results) -> list[Part]:
     for scenario, result in results.items():
         for title, found in _tables(result):
             parts += [f'\n{scenario}: {title}', found]
+        parts += [f'  {result.together}'] * bool(result.together)
         for law, of_law in result.laws.items():
             parts += [f'  {law}, {count} runs: {why}' for why, count in of_law.reasons.items()]
     return parts
@@ -66,6 +67,7 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
             parts.append(f'<h3>{html.escape(title)}</h3><table>{cells(found.head, "th")}')
             parts += [cells(row, 'td') for row in found.rows]
             parts.append('</table>')
+        parts.append(f'<p>{html.escape(result.together)}</p>')
         for law, of_law in result.laws.items():
             for why, count in of_law.reasons.items():
                 parts.append(f'<p>{html.escape(f"{title_of(law)}, {count} runs: {why}")}</p>')
@@ -116,7 +118,7 @@ def _numbers(results: Results) -> Iterator[list[Any]]:
             for status, count in sorted(found.runs.items()):
                 yield [scenario, law, f'runs {status}', '', count, '', '', total]
             for driver in found.drivers:
-                name = f'rank correlation of the error with {driver.parameter}'
+                name = f'partial rank correlation of the error with {driver.parameter}'
                 yield [scenario, law, name, '', *_ends(driver.correlation), total]
         for duel in result.duels:
             total = sum(result.laws[duel.winner].runs.values())
@@ -142,7 +144,10 @@ def _notes(plan: Plan, results: Results) -> list[str]:
     if scrambles > 1:
         how = f'are t-intervals between {scrambles} independently scrambled Sobol sequences'
     pairs = sum(len(result.duels) for result in results.values())
-    return [NOTE.format(how), FAILED, *([PAIRS.format(pairs, LEVEL)] if pairs else [])]
+    notes = [NOTE.format(how), FAILED, *([PAIRS.format(pairs, LEVEL)] if pairs else [])]
+    needed = fewest(len(plan.columns()))
+    few = bool(plan.columns()) and plan.study.runs < needed
+    return notes + [f'What the error goes with is told from {needed} runs on.'] * few
 
 
 def _tables(
@@ -161,6 +166,7 @@ def _tables(
         drivers += [
             [written(law), driver.parameter, _with_interval(driver.correlation, 2)]
             for driver in found.drivers[:STRONGEST]
+            if driver.correlation.low > 0.0 or driver.correlation.high < 0.0
         ]
     blank = [''] * (accuracy - 1)
     first += [
@@ -180,7 +186,7 @@ def _tables(
         ('medians', first, 'lr'),
         ('medians of the effort', efforts, 'lr'),
         ('who has the smaller error in the same sample', duels, 'llr'),
-        ('what the error goes with (rank correlation)', drivers, 'llr'),
+        ('what the error goes with (partial rank correlation)', drivers, 'llr'),
     ]
     return [(title, Table(head, rows, align)) for title, (head, *rows), align in titled if rows]
 

@@ -76,18 +76,32 @@ def _checked(name: str, distribution: str, given: dict[str, Any]) -> dict[str, A
             found[word] = value
         elif word == 'factor':
             found[word] = check(where, tuple[float, float], NUMBER, value)
-        elif word in ('relative', 'std'):
-            found[word] = check(where, float, NUMBER, value)
-            if not found[word] > 0.0:
-                raise InputError(f'{where} must be positive, not {found[word]:g}')
-        else:
-            found[word] = check(where, float, NUMBER, value)
-    low, high = found.get('factor', (found.get('low', 0.0), found.get('high', 1.0)))
-    if not low < high:
-        raise InputError(f'{name}: low must be below high, not {low:g} and {high:g}')
-    if distribution == 'log_uniform' and not low > 0.0:
-        raise InputError(f'{name}: log_uniform needs positive values, not {low:g}')
+        else:  # one for each entry of a list, or for all
+            several = isinstance(value, list) and value
+            numbers = [check(where, float, NUMBER, each) for each in (several or [value])]
+            found[word] = numbers if several else numbers[0]
+            if word in ('relative', 'std') and not min(numbers) > 0.0:
+                raise InputError(f'{where} must be positive, not {min(numbers):g}')
+    if len(entries(found)) > 1:
+        raise InputError(f'{name}: the lists {" and ".join(found)} must have one length')
+    for k in range(max(entries(found), default=1)):
+        each = of_entry(found, k)
+        low, high = each.get('factor', (each.get('low', 0.0), each.get('high', 1.0)))
+        if not low < high:
+            raise InputError(f'{name}: low must be below high, not {low:g} and {high:g}')
+        if distribution == 'log_uniform' and not low > 0.0:
+            raise InputError(f'{name}: log_uniform needs positive values, not {low:g}')
     return found
+
+
+def entries(given: Mapping[str, Any]) -> set[int]:
+    """Lengths of what is given entry by entry of a list."""
+    return {len(each) for key, each in given.items() if key != 'values' and type(each) is list}
+
+
+def of_entry(given: Mapping[str, Any], k: int) -> dict[str, Any]:
+    """What is given for an entry of a list."""
+    return {key: each[k] if type(each) is list else each for key, each in given.items()}
 
 
 def dimensions(uncertainty: Uncertainty, nominal: Any) -> int:
@@ -110,6 +124,9 @@ def dimensions(uncertainty: Uncertainty, nominal: Any) -> int:
         )
     if uncertainty.given.keys() & {*RELATIVE, *FACTOR} and not any(numbers):
         raise InputError(f'{name}: a share of 0 is 0; give low and high, or mean and std', place)
+    lengths = entries(uncertainty.given)
+    if lengths and lengths != {len(nominal) if isinstance(nominal, list) else 0}:
+        raise InputError(f'{name} is {nominal!r}, no list of {max(lengths)} numbers', place)
     return 1 if uncertainty.common else len(numbers)
 
 
@@ -125,9 +142,12 @@ def value(uncertainty: Uncertainty, nominal: Any, points: Sequence[float]) -> An
         values = uncertainty.given['values']
         return values[int(points[0] * len(values))]
     if not isinstance(nominal, list):
-        return _number(uncertainty, nominal, points[0])
+        return _number(uncertainty.given, uncertainty.distribution, nominal, points[0])
     each = [points[0]] * len(nominal) if uncertainty.common else points
-    return [_number(uncertainty, *pair) for pair in zip(nominal, each, strict=True)]
+    return [
+        _number(of_entry(uncertainty.given, k), uncertainty.distribution, *pair)
+        for k, pair in enumerate(zip(nominal, each, strict=True))
+    ]
 
 
 def extremes(uncertainty: Uncertainty, nominal: Any) -> list[Any]:
@@ -170,10 +190,9 @@ def is_numeric(uncertainty: Uncertainty) -> bool:
     return all(type(value) in (int, float) for value in uncertainty.given.get('values', ()))
 
 
-def _number(uncertainty: Uncertainty, nominal: float, point: float) -> float:
+def _number(given: Mapping[str, Any], distribution: str, nominal: float, point: float) -> float:
     """One number at a point in [0, 1)."""
-    given = uncertainty.given
-    if uncertainty.distribution == 'normal':
+    if distribution == 'normal':
         mean = given.get('mean', float(nominal))
         std = given['std'] if 'std' in given else given['relative'] * abs(nominal)
         inside = min(max(point, SMALLEST), 1.0 - SMALLEST)
@@ -184,6 +203,6 @@ def _number(uncertainty: Uncertainty, nominal: float, point: float) -> float:
         low, high = (nominal * factor for factor in given['factor'])
     else:
         low, high = given['low'], given['high']
-    if uncertainty.distribution == 'log_uniform':
+    if distribution == 'log_uniform':
         return float(low * (high / low) ** point) if low else 0.0
     return float(low + (high - low) * point)
