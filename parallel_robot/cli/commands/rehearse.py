@@ -116,6 +116,7 @@ def motors_braked(log: RunLog, begin: float, end: float) -> Finding:
     return Finding(True, f'the motors braked; {text}')
 
 
+IDENTIFIES = '  ...     the robot is identified from this bag, which takes a minute or more'
 LEAST_WORK, CLEAR_OF_NOISE = 1e-6, 5.0  # J; standard deviations of the work of noise alone
 LAW = 'observer_s_fotsmc'
 NOISE = {'sensor.position_noise': 1e-5, 'sensor.velocity_noise': 1e-3}  # rad, rad/s
@@ -194,6 +195,7 @@ def execute(arguments: argparse.Namespace) -> int:
             print(f'  {"ok" if finding.holds else "FAILED":7} {finding.text}')
             failed += not finding.holds
         if step.name == 'identify':
+            print(IDENTIFIES, flush=True)
             learnt = _learn(bag, arguments.out / 'robot.yaml')
     print(f'bags    {arguments.out}')
     moved = sorted(map(str, arguments.out.glob('[45]_*')))
