@@ -1,5 +1,7 @@
 """The fastest feasible speed of a motion against closed forms and the simulated plant."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -74,7 +76,11 @@ def test_a_motion_that_is_too_fast_is_run_at_a_share_of_its_fastest(tmp_path, ca
     assert main(['simulate', *words, '--out', str(tmp_path / 'a')]) == 2
     assert 'above trajectory.max_joint_speed' in capsys.readouterr().err
     assert main(['show', *words[:3], '--fit-speed']) == 0
-    assert 'fastest: trajectory.speed_factor 0.0' in capsys.readouterr().err
+    (line,) = capsys.readouterr().out.splitlines()
+    assert line.startswith('fastest: trajectory.speed_factor 0.0')
+    assert main(['show', *words[:3], '--fit-speed', '--format', 'json']) == 0
+    found = capsys.readouterr()
+    assert found.err == f'{line}\n' and json.loads(found.out)['law']['value']
     assert main(['simulate', *words, '--fit-speed', '0.5', '--out', str(tmp_path / 'b')]) == 0
     assert 'trajectory.speed_factor=0.0' in capsys.readouterr().err
     assert main(['simulate', *words, '--fit-speed', '2', '--out', str(tmp_path / 'c')]) == 2

@@ -15,8 +15,10 @@ from table_readers import latex_tables, markdown_tables
 from test_fronts import tuning
 
 import parallel_robot as pr
+from parallel_robot.analysis.readable_metrics import titled
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.tables import Table
 from parallel_robot_model.messages.topics import JOINT_STATES
 
 pytest_plugins = ['sweeping']
@@ -116,9 +118,11 @@ def test_a_command_says_the_same_in_every_format(command, places, tmp_path, caps
     written = markdown_tables(found['markdown'])
     assert written and all(len(table) > 2 for table in written)
     typeset = [[table[0], *table[1:]] for table in latex_tables(found['latex'])]
-    assert [[[cell.replace('+-', '±') for cell in row] for row in table] for table in written] == [
-        [list(row) for row in table] for table in typeset
-    ]
+    named = titled(Table(table[1], table[2:]) for table in written)
+    assert [
+        [[cell.replace('+-', '±') for cell in row] for row in (*table[:2], *of.rows)]
+        for table, of in zip(written, named, strict=True)
+    ] == [[list(row) for row in table] for table in typeset]
     known = numbers(json.loads(found['json']))
     cells = [cell for table in written for row in table[2:] for cell in row[1:]]
     found_figures = (re.match(rf'({FIGURE})(?: \[|$)', cell) for cell in cells)
@@ -158,8 +162,19 @@ def test_a_law_that_fails_keeps_its_row(capsys):
     words += ['--set', 'safety.speed_limit=[10, 0.09, 10]', '--format', 'latex']
     assert main(words) == 0
     ((sides, _, *rows),) = latex_tables(capsys.readouterr().out)
-    ((_, why),) = [row for row in rows if len(row) == 2]
+    ((law, why),) = [row for row in rows if len(row) == 2]
+    assert {row[0] for row in rows} == {'SMC', 'S-SMC'} and law in ('SMC', 'S-SMC')
     assert why.startswith('no figures: ') and len(sides) > 2 and len(rows) == 2
+
+
+def test_gains_that_are_those_of_another_robot_are_told(capsys):
+    words = ['compare', 'serial_2r_circle', '--laws', 'smc', 'pid', '--duration', '0.1']
+    told = 'warning: {}: gains of the 3-RRR, not of this robot; tune finds its own\n'
+    for more, laws in (([], 'smc, pid'), (['--set', 'pid.Kp=900'], 'smc')):
+        assert main([*words, *more]) == 0
+        assert told.format(laws) in capsys.readouterr().err
+    assert main(['compare', 'paper_circle', *words[2:]]) == 0
+    assert 'gains of' not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize('command', WORDS)
@@ -197,7 +212,8 @@ def test_a_frame_has_units_in_its_head(places):
     values = dict(zip(head, rows[0], strict=True))
     assert float(values['xy rms [µm]']) == pytest.approx(1e6 * frame.xy_rms_m.iloc[0], rel=1e-5)
     assert values['torque variation [N m/s]'] and values['to 0 1 mm [s]'] == 'never'
-    assert latex_tables(pr.table(frame, 'latex'))[0][1:] == [head, *rows]
+    (named,) = titled([Table(head, rows)])
+    assert latex_tables(pr.table(frame, 'latex'))[0][1:] == [head, *named.rows]
 
 
 def test_names_of_columns_and_index_are_escaped_too():

@@ -64,8 +64,8 @@ def test_each_stretch_has_its_own_figures():
 
 def test_motors_at_their_limit_are_told(tmp_path, capsys):
     words = ['simulate', 'paper_circle', '--duration', '0.2', '--out', str(tmp_path / 'bag')]
-    assert main([*words, '--set', 'plant.torque_limit=[0.5, 1, 1]']) == 0
-    line = 'the motors were at their limit (plant.torque_limit, 0.5, 1 N m) in '
+    assert main([*words, '--set', 'plant.torque_limit=[1, 0.5, 1]']) == 0
+    line = 'the motors were at their limit (plant.torque_limit, 1, 0.5, 1 N m) in '
     assert line in capsys.readouterr().err
     assert main(['analyze', str(tmp_path / 'bag')]) == 0
     out = capsys.readouterr().out

@@ -6,13 +6,34 @@ A metric that is not defined for a robot, which is NaN, is left out everywhere.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from parallel_robot.analysis.metrics import BELOW, SEEN, Metrics, Value, of_seen, of_true
 from parallel_robot.bags.run.run_log import TopicCount
-from parallel_robot_model.common.tables import Table
+from parallel_robot_control.laws import title
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import JointUnits
+
+OF_LAWS = ('law', 'winner', 'against')  # columns with names of laws
+
+
+def titled(parts: Iterable[Part]) -> list[Part]:
+    """Results for a document: laws have their titles, S-FOTSMC for s_fotsmc."""
+    return [
+        part
+        if isinstance(part, str)
+        else part._replace(
+            rows=[
+                [
+                    title(cell) if head in OF_LAWS else cell
+                    for head, cell in zip(part.head, row, strict=False)
+                ]
+                for row in part.rows
+            ]
+        )
+        for part in parts
+    ]
 
 
 class Metric(NamedTuple):

@@ -214,7 +214,7 @@ def show(form: str | None, parts: Iterable[Part], data: Any, files: Iterable[str
     elif form in (None, TEXT):
         print(tables.text(parts))
     else:
-        print(tables.FORMATS[form](parts))
+        print(tables.FORMATS[form](readable_metrics.titled(parts) if form == 'latex' else parts))
     tell(form, *files)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.readable_metrics import NEVER
+from parallel_robot.analysis.readable_metrics import NEVER, titled
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_control.laws import title
 from parallel_robot_model.common import tables
@@ -53,15 +53,14 @@ def table(result: Any, format: str = 'text') -> str:
     """
     if format not in tables.FORMATS:
         raise UnknownNameError('format', str(format), tables.FORMATS)
-    write = tables.FORMATS[format]
-    if isinstance(result, ShownResult):
-        return write(result.parts())
-    if not isinstance(result, pandas().DataFrame):
+    shown = isinstance(result, ShownResult)
+    if not (shown or isinstance(result, pandas().DataFrame)):
         raise InputError(
             f'a table is of a result, such as that of metrics or tune, or of a DataFrame, such as '
             f'that of compare, not of {type(result).__name__}'
         )
-    return write([_of_frame(result)])
+    parts = result.parts() if shown else [_of_frame(result)]
+    return tables.FORMATS[format](titled(parts) if format == 'latex' else parts)
 
 
 def _of_frame(frame: Frame) -> Table:

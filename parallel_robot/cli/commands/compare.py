@@ -69,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         output.check_new(arguments.json, '--json')
     results = {}
-    notes = [*motion_doubts(trajectory_of(values))]
+    notes = [*motion_doubts(trajectory_of(values)), *_of_the_paper(values, laws)]
     failed: dict[str, str] = {}
     causes: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):
@@ -99,6 +99,19 @@ def execute(arguments: argparse.Namespace) -> int:
     if not results:
         raise RunError('every law failed')
     return 0
+
+
+def _of_the_paper(values: Mapping[str, Any], laws: Iterable[str]) -> list[str]:
+    """A line on the laws whose gains are those of another robot, if there are any."""
+    paper, keys = resolve('paper_circle'), [key for key in values if '.' in key]
+    if values['robot_model'] == paper['robot_model']:
+        return []
+    same = {key.partition('.')[0] for key in keys if key in paper} - {
+        key.partition('.')[0] for key in keys if values[key] != paper.get(key)
+    }
+    theirs = [law for law in laws if law in same]
+    tuned = 'gains of the 3-RRR, not of this robot; tune finds its own'
+    return [f'{", ".join(theirs)}: {tuned}'] if theirs else []
 
 
 def table(

@@ -43,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--fit-speed',
         action='store_true',
-        help='say how fast the motion may run until a joint meets a limit of speed or torque',
+        help='say how fast the motion may run until a joint meets a limit of speed or torque; '
+        'with --format, beside the configuration',
     )
     parser.add_argument(
         '--plot',
@@ -68,7 +69,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--format',
         choices=FORMATS,
-        default='table',
         help='table or text (default); yaml: a scenario; ros: a parameter file for nodes; json; '
         'markdown; latex',
     )
@@ -95,20 +95,23 @@ def execute(arguments: argparse.Namespace) -> int:
         print(
             f'fastest: trajectory.speed_factor {found.factor:.4g}, span {found.span:.4g} s; '
             f'there {found.text}',
-            file=sys.stderr,
+            file=sys.stderr if arguments.format else sys.stdout,
         )
     if arguments.plot is not None:
         _plot(made, arguments.plot)
     if arguments.workspace:
         text = reach_picture.write_reach(made, arguments.plane or '', arguments.workspace)
         print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)
+    if arguments.fit_speed and arguments.format is None:
+        return 0
+    form = arguments.format or 'table'
     values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
     for name, layer in layers:
         sources |= {key: name for key in layer if key in overridden}
     place = config_files.absolute_scenario(scenario)
-    text = FORMATS[arguments.format](values, sources, place)
-    if arguments.format in WHOLE:
+    text = FORMATS[form](values, sources, place)
+    if form in WHOLE:
         as_it_is(sys.stdout).write(''.join(f'{clean(line)}\n' for line in text.split('\n')))
     else:
         print(text)
