@@ -304,9 +304,10 @@ class ControllerNode(SuiteNode):
             self._controller.trip(fault)
             self._tell_now()
 
-    def _tell_now(self) -> None:
-        """Publish a fault that was not caused by a state."""
-        self._topics.publish_status(self._controller.acts if self.lockstep else time.time_ns())
+    def _tell_now(self, refused: str = '') -> None:
+        """Publish a fault that was not caused by a state, or why it was not cleared."""
+        stamp = self._controller.acts if self.lockstep else time.time_ns()
+        self._topics.publish_status(stamp, refused)
 
     def _answer_emergency_stop(
         self, _: Trigger.Request, response: Trigger.Response
@@ -334,8 +335,10 @@ class ControllerNode(SuiteNode):
         dispute = self.disputes()
         waits = f'{dispute}; stop all but one' if dispute else self._renew_law()
         reason = waits or self._controller.clear_fault()
-        if self._controller.fault != before:
-            self._tell_now()
+        if reason and before != faults.NONE:
+            self.get_logger().warning(f'fault not cleared: {reason}')
+        if self._controller.fault != before or (reason and before != faults.NONE):
+            self._tell_now(reason)
         return reason
 
     def _renew_law(self) -> str:

@@ -24,6 +24,7 @@ LIMITS, LIMIT_CODES = 'limits that acted', 'limit codes'
 DELAY = 'delay of the states'
 POSE = 'pose'  # only of a robot that has lost it, and that was told it
 LOST = 'not known'
+REFUSED = 'not cleared'  # why, where ~/clear_fault was refused
 NO_FAULT = 'none'  # the code
 
 
@@ -45,6 +46,7 @@ class Status(NamedTuple):
     delay: str = ''  # what is known of the age of the states; empty where it is not identified
     # the pose that the controller was told, numbers with commas; LOST where it must be
     pose: str = ''
+    refused: str = ''  # why a fault was not cleared just now
 
 
 def reported_limits(
@@ -156,6 +158,8 @@ def status_message(stamp: int, status: Status) -> bytes:
         values[DELAY] = status.delay
     if status.pose:
         values[POSE] = status.pose
+    if status.refused:
+        values[REFUSED] = status.refused
     name, frame = 'controller: status', topics.FRAME
     layout = layouts.diagnostic_array(name, level, text, values, frame=frame)
     return layouts.padded(layout.encode(stamp))

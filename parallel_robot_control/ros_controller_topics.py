@@ -97,10 +97,12 @@ class ControllerTopics:
         if code & LOG:
             self.publish_log()
 
-    def publish_status(self, stamp: int) -> None:
+    def publish_status(self, stamp: int, refused: str = '') -> None:
         """Publish and log the status since a stamp [ns], in the background."""
         before, self._status = self._status, self._controller.status
-        self._node.background.do(partial(self._tell, stamp, before, self._status))
+        self._node.background.do(
+            partial(self._tell, stamp, before, self._status._replace(refused=refused))
+        )
 
     def _tell(self, stamp: int, before: Status | None, status: Status) -> None:
         self._statuses.publish(status_message(stamp, status))

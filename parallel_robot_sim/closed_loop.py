@@ -104,6 +104,7 @@ def run_part(
     period: float,
     first: int = 0,
     complete: bool = True,
+    refused: list[tuple[int, int]] | None = None,
 ) -> ClosedLoopRun:
     """Run the loop over samples that follow one another: all, or those after another part.
 
@@ -115,6 +116,7 @@ def run_part(
         period: Time between samples [s].
         first: Index of the first of them.
         complete: As of :func:`run`.
+        refused: Is given the rows at which a fault is not cleared, and the fault that is why.
     """
     loop = partial(
         compiled_loop,
@@ -128,6 +130,8 @@ def run_part(
     parts: list[ClosedLoopRun] = []
     for row, stop in itertools.pairwise([*course.cuts, len(course.known)]):
         cycle = course.befall(row, control, state.cycle, state.plant.torque, state.cause)
+        if refused is not None and row in course.clears and cycle.fault != faults.NONE:
+            refused.append((row, state.cause or cycle.fault))
         state = state._replace(cycle=cycle)
         part: ClosedLoopRun = loop(state, complete, period, first, row, stop)
         parts.append(part)

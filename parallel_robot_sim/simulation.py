@@ -59,7 +59,7 @@ def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
     if not count:
         return []
     limit = np.asarray(values['plant.torque_limit'], np.float64)
-    told = ', '.join(f'{each:g}' for each in np.unique(limit))
+    told = ', '.join(f'{each:g}' for each in (limit if np.ptp(limit) else np.unique(limit)))
     return [SATURATED.format(told, f'{100.0 * (count / of):.3g}', units_of(values).of('N m'))]
 
 
@@ -84,6 +84,8 @@ class Simulation(NamedTuple):
     first: int = 0  # sample of the first row
     # sample of the first fault until the last row; None without one
     first_fault: int | None = None
+    # rows at which a fault was not cleared, and the fault that is the reason
+    refused: tuple[tuple[int, int], ...] = ()
 
     @property
     def age(self) -> float:
@@ -159,6 +161,10 @@ class Simulation(NamedTuple):
         fault = faults.of(self.experiment.trajectory.robot.module)[number]
         return self.experiment.control.law.explained(fault)
 
+    def refusal(self, number: int) -> str:
+        """Why a fault was not cleared, by the number of the fault whose cause is there."""
+        return self._fault(number).text
+
     @property
     def fault_text(self) -> str:
         """The first fault for people."""
@@ -194,6 +200,7 @@ class RunSummary:
         self.steps = 0  # number of its rows
         # when the controller entered a fault [s], and which; empty where it was cleared
         self.faults: list[tuple[float, str]] = []
+        self.refused: list[tuple[float, str]] = []  # when one was not cleared [s], and why
         self.acted = 0  # bits of all limits that acted
         self.phase = 0  # what the identification of the delay was doing at the end
         self.loop_time = 0.0  # time spent in the loop [s]
@@ -209,6 +216,9 @@ class RunSummary:
         changes = np.flatnonzero(np.diff(run.fault, prepend=self._fault))
         self.faults += [
             (float((part.first + k) * loop.period), part.fault_at(int(k))) for k in changes
+        ]
+        self.refused += [
+            ((part.first + k) * loop.period, part.refusal(number)) for k, number in part.refused
         ]
         self.saturated += int(saturated(part.configuration.values, run.effort).sum())
         self._most = max(self._most, float(np.abs(run.effort).max()))
@@ -332,7 +342,9 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
             reference = trajectory.sample(np.arange(first, stop) * period)
         begun = time.perf_counter()
         course = undisturbed if first else partial(course_of, plant)
-        made = run_part(control, plant, course(reference, period), state, period, first)
+        refused: list[tuple[int, int]] = []
+        seen = course(reference, period)
+        made = run_part(control, plant, seen, state, period, first, refused=refused)
         loop_time = time.perf_counter() - begun
         if not first + made.steps:
             raise RunError(f'{loop.law}: {DRIVEN_OUT} from the start')
@@ -345,7 +357,14 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
             first_fault = first + int(faulty[0])
         if made.steps:
             yield Simulation(
-                configuration, experiment, reference, made, loop_time, first, first_fault
+                configuration,
+                experiment,
+                reference,
+                made,
+                loop_time,
+                first,
+                first_fault,
+                tuple(refused),
             )
         if driven_out:
             break

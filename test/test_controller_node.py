@@ -12,7 +12,13 @@ from std_srvs.srv import Trigger
 
 from parallel_robot_control import controller, controller_state, joint_states
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.safety.faults import EMERGENCY_STOP, NONE, STATES_LATE, STATES_STALE
+from parallel_robot_control.safety.faults import (
+    EMERGENCY_STOP,
+    FAULTS,
+    NONE,
+    STATES_LATE,
+    STATES_STALE,
+)
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.configuration import configure_plant
@@ -84,6 +90,18 @@ def test_a_node_that_stood_still_does_not_go_on_as_if_nothing_were(loop):
     (torque,) = loop.give(2 * SECOND)
     assert not torque.any()  # the safe action of a robot at rest
     assert loop.controller._controller.clear_fault() == ''
+
+
+def test_a_refusal_to_clear_is_published_with_its_reason(loop, monkeypatch):
+    loop.give(SECOND)
+    assert loop.give(SECOND + MS, AGE + MS) == []
+    loop.stands = TIMEOUT * 1e-9 + 1e-3  # s
+    loop.controller._watch()
+    told = []
+    monkeypatch.setattr(loop.controller._topics, 'publish_status', lambda *said: told.append(said))
+    answer = loop.controller._answer_clear_fault(Trigger.Request(), Trigger.Response())
+    assert not answer.success and answer.message == FAULTS[STATES_LATE].text
+    assert [reason for _, reason in told] == [answer.message]
 
 
 def of_joints(fields, **values):

@@ -9,6 +9,7 @@ from replay_parts import assert_same_in_parts
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
+from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.safety import faults
@@ -244,3 +245,14 @@ def test_a_run_without_hazards_does_not_look_at_them():
     plain, later = run_of(), run_of('commands_lost at 5.0 for 1.0')
     for name in ('pose', 'position', 'velocity', 'effort', 'command', 'fault', 'acted'):
         assert np.array_equal(getattr(plain, name), getattr(later, name))
+
+
+def test_a_refusal_to_clear_is_told_with_its_reason_by_the_run_and_its_bag(tmp_path, capsys):
+    hazards = '[motors_off at 0.3 for 0.8, clear_fault at 1.2]'
+    out = tmp_path / 'bag'
+    words = ['serial_2r_circle', '--set', f'hazards={hazards}', '--duration', '1.5']
+    assert main(['simulate', *words, '--out', str(out)]) == 1
+    line = 'not cleared at t = 1.200 s: the elbow has folded to the other side'
+    assert f'warning: {line}\n' in capsys.readouterr().err
+    assert main(['analyze', str(out), '--to', '0.2']) == 0
+    assert line in capsys.readouterr().out

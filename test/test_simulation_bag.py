@@ -1,6 +1,7 @@
 """The bag of a run without ROS."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import Reader
 
 from parallel_robot.bags.writing import simulation_bag
+from parallel_robot.cli.commands import simulate as simulate_command
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr import measure
 
@@ -108,3 +110,9 @@ def test_poses_are_planar(messages):
         assert np.abs(np.array(yaw) - np.pi / 2).max() < 0.1
         assert not any(q.x or q.y for q in quaternions)
         assert {message.header.frame_id for _, message in messages[topic]} == {'base'}
+
+
+def test_a_run_that_a_page_has_shown_names_the_page_of_its_bag():
+    assert ' live --bag ' not in simulate_command.result(Path('runs/a'), lambda: ['figures'])
+    lines = simulate_command.result(Path('runs/a'), lambda: ['figures'], shown=True).splitlines()
+    assert lines[-1].startswith('next ') and lines[-1].endswith(' live --bag runs/a')

@@ -36,6 +36,7 @@ class ControllerStatus(NamedTuple):
     fault_text: str  # the fault for people
     limits: tuple[str, ...]  # codes of the limits that acted, until none had done so for a while
     pose: tuple[float, ...] = ()  # the pose that the controller was told; empty when it was not
+    refused: str = ''  # why a fault was not cleared just now
 
 
 def status_decoder(bag: Path) -> Callable[[Topic, Messages], list[tuple[int, ControllerStatus]]]:
@@ -68,13 +69,14 @@ def decoded_status(message: bytes) -> ControllerStatus | None:
         law, text = values[messages.LAW], values[messages.FAULT]
         fault, codes = values[messages.FAULT_CODE], values[messages.LIMIT_CODES].split(',')
         pose = _numbers(values.get(messages.POSE, ''))
+        refused = values.get(messages.REFUSED, '')
         stamp = array.header.stamp.sec * NANOSECONDS + array.header.stamp.nanosec
     except Exception:  # broken, or a topic of that name that is not the suite's
         return None
     names = (law, fault, *codes)
-    if not (text.isprintable() and all(map(is_name, names))):
+    if not (f'{text}{refused}'.isprintable() and all(map(is_name, names))):
         return None
-    return ControllerStatus(stamp, law, fault, text, tuple(filter(None, codes)), pose)
+    return ControllerStatus(stamp, law, fault, text, tuple(filter(None, codes)), pose, refused)
 
 
 def _numbers(text: str) -> tuple[float, ...]:
@@ -154,7 +156,12 @@ def remarks(history: History, start: int) -> list[str]:
     """
     codes = {code for status in history.statuses for code in status.limits}
     names = sorted(LIMIT_TEXT.get(code, code) for code in codes)
-    return remark_lines(', '.join(names), faults_in(history, start))
+    refused = [
+        ((status.stamp - start) / NANOSECONDS, status.refused)
+        for status in history.statuses
+        if status.refused
+    ]
+    return remark_lines(', '.join(names), faults_in(history, start), refused)
 
 
 def faults_in(history: History, start: int) -> list[tuple[float, str]]:
@@ -219,13 +226,18 @@ def losses(history: History) -> list[str]:
     return [f'messages were lost on their way to the bag: {topics}']
 
 
-def remark_lines(limits: str, faults: Iterable[tuple[float, str]]) -> list[str]:
-    """Lines about limits that acted and faults: times [s] and texts, empty for a cleared one."""
+def remark_lines(
+    limits: str, faults: Iterable[tuple[float, str]], refused: Iterable[tuple[float, str]]
+) -> list[str]:
+    """Lines about limits that acted, faults and refusals to clear one: times [s] and texts.
+
+    The text of a fault that was cleared is empty.
+    """
     lines = [f'limits acted: {limits}'] if limits else []
     for time, text in faults:
         what = f'fault at t = {time:.3f} s, safe action from there on: {text}'
         lines.append(what if text else f'fault cleared at t = {time:.3f} s')
-    return lines
+    return lines + [f'not cleared at t = {time:.3f} s: {text}' for time, text in refused]
 
 
 def _values(text: str, known: Mapping[str, Any]) -> dict[str, Any]:

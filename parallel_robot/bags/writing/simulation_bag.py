@@ -192,12 +192,13 @@ class _Streams:
         robot = experiment.trajectory.robot
         known, units = faults.of(robot.module), robot.joint_units
         chosen, messages = [], []
-        for k in rows[changes].tolist():
+        refused = {k: part.refusal(number) for k, number in part.refused}
+        for k in sorted({*rows[changes].tolist(), *refused}):
             delay = delay_text(experiment.control.setup.estimator, int(phases[k]), units)
             fault, law = known.get(int(part.run.fault[k])), experiment.control.law.name
-            now = Status(law, fault, int(acted[k]), delay)
+            now = Status(law, fault, int(acted[k]), delay, refused=refused.get(k, ''))
             if now != self._status:
-                self._status = now
+                self._status = now._replace(refused='')
                 chosen.append(k)
                 messages.append(status_message(int(since[k]), now))
         acting = np.flatnonzero((part.run.acted[:count] != 0) & answered)

@@ -83,7 +83,8 @@ def execute(arguments: argparse.Namespace) -> int:
         tell(arguments.format, f'the page ends with the run, after {duration:g} s')
         sys.stdout.flush()
     with live_page(namespace) if arguments.live else contextlib.nullcontext():
-        return record(arguments.scenario, changed, arguments.out, namespace, arguments.format)
+        form, shown = arguments.format, arguments.live
+        return record(arguments.scenario, changed, arguments.out, namespace, form, shown)
 
 
 @contextlib.contextmanager
@@ -112,6 +113,7 @@ def record(
     out: Path,
     namespace: str = '',
     form: str | None = None,
+    shown: bool = False,
 ) -> int:
     """Run a scenario with changes of its configuration into a bag.
 
@@ -121,6 +123,7 @@ def record(
         out: Directory of the bag.
         namespace: Full name of the namespace of the nodes; empty for none.
         form: Format of the results, see :mod:`shared`.
+        shown: Whether a page shows it, which ends with it.
 
     Returns:
         An exit code: 0, or that of the signal that stopped the run.
@@ -153,7 +156,7 @@ def record(
     if ended.driven_out:
         failure = f'{DRIVEN_OUT} at t = {log.time[-1]:.3f} s'
     if form in (None, TEXT):
-        print(simulate.result(out, lambda: shared.run_lines(made)))
+        print(simulate.result(out, lambda: shared.run_lines(made), shown))
     else:
         show(form, *shared.run_tables(made))
     if ended.signal:

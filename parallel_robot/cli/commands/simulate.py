@@ -205,7 +205,7 @@ def remarks(simulation: Simulation, summary: RunSummary) -> list[str]:
         *simulation.experiment.control.law.warnings,
         *([f'hazards: {", ".join(acting)}'] if acting else []),
         *saturation_of(simulation.configuration.values, summary.saturated, summary.steps),
-        *remark_lines(limits, summary.faults),
+        *remark_lines(limits, summary.faults, summary.refused),
     ]
 
 
@@ -240,12 +240,13 @@ def _tables(
     )
 
 
-def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
+def result(bag: Path, evaluate: Callable[[], list[str]], shown: bool = False) -> str:
     """Last lines of a command that made a bag: metrics, its directory, the next command.
 
     Args:
         bag: Directory of the bag.
         evaluate: Returns the lines of the metrics. Whatever it raises, the bag is good.
+        shown: Whether the page that has shown the run has ended: another one plays the bag.
     """
     try:
         lines = evaluate()
@@ -253,8 +254,9 @@ def result(bag: Path, evaluate: Callable[[], list[str]]) -> str:
         lines = [f'no metrics: {error}']
     except Exception as error:
         lines = [f'no metrics: {first_line(error)}']
-    command = shlex.join([*command_line.invocation_words(), 'analyze', str(bag)])
-    return '\n'.join([*lines, f'bag     {bag}', f'next    {command}'])
+    words = [['analyze', str(bag)], *([['live', '--bag', str(bag)]] if shown else [])]
+    following = [shlex.join([*command_line.invocation_words(), *each]) for each in words]
+    return '\n'.join([*lines, f'bag     {bag}', *(f'next    {each}' for each in following)])
 
 
 def execute(arguments: argparse.Namespace) -> int:
