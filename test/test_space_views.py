@@ -9,6 +9,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from reading import Evaluated
 from scipy.spatial.transform import Rotation
 
 from parallel_robot.analysis import metrics, video
@@ -25,6 +26,7 @@ from parallel_robot.analysis.timing import Timing
 from parallel_robot.live.frames import HEADER, Camera
 from parallel_robot.live.frames import Motion as States
 from parallel_robot_control.configuration import nominal_of, resolve
+from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
 from parallel_robot_model.robots.link import SLIDES, TURNS, frames
 from parallel_robot_model.robots.poses import poses_of
@@ -352,6 +354,32 @@ def test_the_urdf_of_the_arm_has_the_inertia_of_its_file():
             mujoco.mj_fullM(each, data, matrix)
             found.append(matrix)
         np.testing.assert_allclose(*found, rtol=1e-6, atol=1e-7)
+
+
+@pytest.mark.parametrize('name', ['delta', 'hexapod', 'arm6', 'five_bar'])
+def test_the_urdf_of_a_machine_read_back_is_that_machine(name):
+    """With what it cannot say: home and tool."""
+    model, values = robot(name)
+    posture = posture_of(values)
+    unsaid = dict(line.split(': ', 1) for line in posture.beside.unsaid)
+    assert {*unsaid} <= {'robot.home', 'robot.tool'}
+    assert all(line in posture.description for line in posture.beside.unsaid)
+    chosen = {'home': unsaid.get('robot.home', ''), 'tool': unsaid['robot.tool']}
+    back = machine(read(posture.description), **chosen)
+    made = model.module.machine(model.parameters)
+    assert not any('left out' in line for line in back.doubts)
+    assert {*back.actuated} == {*made.actuated} and len(back.passive) == len(made.passive)
+    order = [back.actuated.index(joint) for joint in made.actuated]
+    for key in ('lower', 'upper', 'effort', 'velocity', 'viscous', 'coulomb'):
+        found = np.clip(np.array(getattr(back, key))[order], -1e6, 1e6)
+        expected = np.clip(getattr(made, key), -1e6, 1e6)
+        np.testing.assert_allclose(found, expected, rtol=1e-11, err_msg=key)
+    home = made.mechanism.home[made.mechanism.actuated]
+    for q in (home, home + 0.02):
+        there = Evaluated(made, q, np.ones(len(q)))
+        here = Evaluated(back, q[np.argsort(order)], np.ones(len(q)))
+        np.testing.assert_allclose(here.M[np.ix_(order, order)], there.M, rtol=1e-7, atol=1e-9)
+        np.testing.assert_allclose(here.force[order], there.force, rtol=1e-6, atol=1e-7)
 
 
 def test_lengths_of_legs_are_no_angles(hexapod):

@@ -177,6 +177,12 @@ class TestSpringsAndWeight:
         assert [body.lifted for body in found.bodies] == [0, 0, 0, 1]
         assert (of(found, 'stroke').stiffness, of(found, 'stroke').rest) == ((300,), 0.1)
 
+    def test_what_is_off_is_no_doubt_and_what_is_on_is_told(self):
+        off = '<enable_wind>0</enable_wind><velocity_decay><linear>0.0</linear></velocity_decay>'
+        text = sdf(sdf_link('a').replace('<inertial>', f'{off}<inertial>'))
+        assert not any('left out' in line for line in read(text).doubts)
+        said(text.replace('0.0', '0.1'), 'left out: <velocity_decay> of <link>, line 1')
+
     def test_gravity_of_a_world(self):
         old = '<physics type="ode"><gravity>0 0 -3</gravity><ode><x>1</x></ode></physics>'
         assert read(sdf(sdf_link('a'), world=old)).gravity[2] == -3
@@ -339,11 +345,9 @@ class TestGazebo:
             np.testing.assert_allclose(here.M, there.M, rtol=1e-9)
 
     def test_one_to_the_world(self):
-        found = read(four_bar(self.CHAIN, self.CLOSE.replace('>b<', '>world<')))
-        pin = next(each for each in found.joints if each.name == 'd')  # now of the tree
-        np.testing.assert_allclose(pin.anchor, (0.4, 0, 0))
-        np.testing.assert_allclose(found.bodies[pin.body].position, (0, 0.3, 0))
-        assert found.bodies[found.bodies[pin.body].parent].name == 'world'
+        loops = read(four_bar(self.CHAIN, self.CLOSE.replace('>b<', '>world<'))).loops
+        np.testing.assert_allclose(loops[0].first.position, (0.4, 0.3, 0))
+        np.testing.assert_allclose(loops[0].second.position, (0.4, 0, 0))
 
     def test_one_of_unknown_links_is_refused(self):
         with pytest.raises(InputError, match="joint 'd' names an unknown link or frame 'x'"):
@@ -385,6 +389,13 @@ class TestFrames:
                    world='<frame name="desk"><pose>0 2 0 0 0 0</pose></frame>')  # fmt: skip
         text = text.replace('<model name="m">', '<model name="m" placement_frame="foot">')
         np.testing.assert_allclose(read(text).bodies[1].position, (1, 2, 0.75), atol=1e-15)
+
+    def test_a_joint_may_have_the_name_of_its_link(self):
+        """In SDF before 1.7."""
+        text = sdf(*self.LINKS, self.BASE, sdf_joint('k', 'a', 'b'))
+        text = text.replace('<axis>', '<pose>0 0.5 0 0 0 0</pose><axis>')
+        named = read(text.replace('"k"', '"b"'))
+        np.testing.assert_allclose(of(named, 'b').anchor, of(read(text), 'k').anchor)
 
     @pytest.mark.parametrize(
         ('parts', 'reason'),

@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Reader
 from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.configuration import config
+from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.robots.registry import robot_of
 
 VIEWS = Path(__file__).parents[1] / 'config' / 'views'
@@ -88,6 +89,16 @@ def test_the_described_robot_is_where_the_kinematics_have_it(robot, values, caps
     assert sorted(model.body_inertia[1:, 2]) == pytest.approx(
         sorted([*[robot.I1] * 3, *[robot.I2] * 3, robot.Ip])
     )
+
+
+def test_read_back_its_legs_are_closed(robot, values):
+    posture = posture_of(values)
+    theta, _ = legs(robot, PAPER_START)
+    angles = posture.add_state(0, theta).tolist()
+    home = dict(zip(posture.joints, angles, strict=True))
+    back = machine(read(posture.description), home=home)
+    assert list(back.actuated) == values['joints'] and len(back.passive) == 4
+    assert back.home_moved < 1e-9
 
 
 def test_the_described_arm_has_the_inertia_of_the_model(capsys):

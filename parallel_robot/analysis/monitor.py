@@ -21,7 +21,7 @@ from parallel_robot_model.messages.topics import DEPTH, MARKERS_EVERY
 from parallel_robot_model.robots.link import FIXED
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_model.robots.tree import angles_of, links_of, needs_pose, urdf
+from parallel_robot_model.robots.tree import angles_of, beside_of, links_of, needs_pose, urdf
 
 PERIOD = NANOSECONDS // 10  # ns of motion between two sets of metrics
 OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
@@ -202,7 +202,9 @@ class Posture:
         self.moving = np.array([link.kind != FIXED for link in self.links])
         # names of the joints that move
         self.joints = tuple(link.joint for link in self.links if link.kind != FIXED)
-        self.description = urdf(robot.name, self.links)  # the robot as URDF
+        # the robot as URDF
+        self.beside = beside_of(robot)
+        self.description = urdf(robot.name, self.links, loop.joints, self.beside)
         self._period = MARKERS_EVERY * loop.period_ns
         self._newest: int | None = None
 

@@ -15,6 +15,19 @@ Moments = tuple[float, float, float, float, float, float]
 TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as URDF calls them
 
 
+class Acting(NamedTuple):
+    """What acts in a joint and on its motor [rad or m, N m or N]; for a URDF alone."""
+
+    effort: float = np.inf  # greatest torque or force
+    velocity: float = np.inf  # greatest rate
+    damping: float = 0.0  # viscous friction
+    friction: float = 0.0  # dry friction
+    armature: float = 0.0  # inertia of the rotor, as felt at the joint
+    stiffness: float = 0.0  # of its spring
+    rest: float = 0.0  # position where that is slack
+    follows: tuple[str, float, float] | None = None  # another joint, the ratio, the offset
+
+
 class Link(NamedTuple):
     """A link and the joint that it moves with."""
 
@@ -34,7 +47,26 @@ class Link(NamedTuple):
     # axis of the joint in its own frame, a unit vector
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     kind: str = TURNS  # TURNS, SLIDES or FIXED
-    travel: tuple[float, float] = (-1e3, 1e3)  # ends of travel of a joint that slides [m]
+    travel: tuple[float, float] = (-1e3, 1e3)  # ends of travel [rad or m]
+    acting: Acting = Acting()
+
+
+class Closure(NamedTuple):
+    """Two points that coincide and close a loop."""
+
+    ends: tuple[str, str]  # names of links
+    points: tuple[Point, Point]  # on each, in its frame [m]
+    # of the frame of the first link seen from the second where both coincide, a quaternion
+    # x, y, z, w; None: only the points do
+    rotation: tuple[float, float, float, float] | None = None
+
+
+class Beside(NamedTuple):
+    """What a URDF says of a robot beside the links of its tree, and what it cannot say."""
+
+    closures: tuple[Closure, ...] = ()
+    links: tuple[Link, ...] = ()  # more frames
+    unsaid: tuple[str, ...] = ()  # keys and values to be given along with the URDF
 
 
 def in_space(point: Point) -> tuple[float, float, float]:

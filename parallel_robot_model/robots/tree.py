@@ -4,7 +4,8 @@ A robot module may have an attribute ``tree`` with two functions: ``links(parame
 the links, and ``angles(parameters, pose, position)``, the positions of their joints [rad or m],
 shape (..., L), at poses, shape (..., m), and actuated joints, shape (..., n). Links that are fixed
 come last and have no positions. A tree with a true ``OF_JOINTS`` needs no poses. Without a tree,
-the robot has no URDF and no frames. A closed chain is cut open; its angles close it again.
+the robot has no URDF and no frames. A closed chain is cut open; its angles close it again, and so
+does a URDF where the tree has a function ``beside(parameters)``, see :class:`.link.Beside`.
 """
 
 from __future__ import annotations
@@ -20,7 +21,15 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages.topics import FRAME
-from parallel_robot_model.robots.link import FIXED, SLIDES, TURNS, Link, Point, in_space
+from parallel_robot_model.robots.link import (
+    FIXED,
+    TURNS,
+    Beside,
+    Closure,
+    Link,
+    Point,
+    in_space,
+)
 from parallel_robot_model.robots.registry import RobotModel
 
 
@@ -77,6 +86,8 @@ def _tree(robot: RobotModel) -> Any:
 # The description of a robot that RViz, Foxglove, MuJoCo and others read: URDF.
 
 WIDTH = 0.012  # m, of the bars of the picture
+NOTHING = Beside()
+FAR = 1e3  # rad, an end of travel that is none
 COLOURS = {
     'proximal': (0.16, 0.32, 0.75),
     'distal': (0.40, 0.62, 0.90),
@@ -86,18 +97,35 @@ OTHER = (0.5, 0.5, 0.5)  # colour of parts with other names
 MOMENTS = ('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz')
 
 
-def urdf(name: str, links: Sequence[Link]) -> str:
-    """A robot as URDF.
+def beside_of(robot: RobotModel) -> Beside:
+    """What its URDF says beside its links."""
+    tree = _tree(robot)
+    found: Beside = tree.beside(robot.parameters) if hasattr(tree, 'beside') else NOTHING
+    return found
+
+
+def urdf(
+    name: str, links: Sequence[Link], driven: Sequence[str] = (), beside: Beside = NOTHING
+) -> str:
+    """A robot as URDF; a comment names what it cannot say.
 
     Args:
         name: Of the robot.
         links: Its links, each after its parent.
+        driven: Names of its actuated joints.
+        beside: What closes its loops, and so on.
     """
-    robot = Element('robot', name=name)
+    robot = Element('robot', {'name': name, 'xmlns:drake': 'http://drake.mit.edu'})
+    if beside.unsaid:
+        robot.append(ElementTree.Comment(f' not in URDF: {"; ".join(beside.unsaid)} '))
     SubElement(robot, 'link', name=FRAME)
-    for link in links:
+    for link in (*links, *beside.links):
         _add_link(robot, link)
         _add_joint(robot, link)
+        if link.joint in driven:
+            _add_motor(robot, link)
+    for number, closure in enumerate(beside.closures, 1):
+        _add_closure(robot, closure, f'loop_{number}')
     ElementTree.indent(robot)
     return ElementTree.tostring(robot, encoding='unicode', xml_declaration=True) + '\n'
 
@@ -135,15 +163,55 @@ def _moments(link: Link) -> dict[str, str]:
 
 
 def _add_joint(robot: Element, link: Link) -> None:
-    joint = SubElement(robot, 'joint', name=link.joint, type=link.kind)
+    acting, ends = link.acting, link.travel
+    turns = 'revolute' if min(map(abs, ends)) < FAR else TURNS
+    joint = SubElement(
+        robot, 'joint', name=link.joint, type=turns if link.kind == TURNS else link.kind
+    )
     SubElement(joint, 'parent', link=link.parent)
     SubElement(joint, 'child', link=link.name)
     _add_origin(joint, link.origin, _angles(link.rotation))
-    if link.kind != FIXED:
-        SubElement(joint, 'axis', xyz=_text(*link.axis))
-    if link.kind == SLIDES:
-        lower, upper = map(_text, link.travel)
-        SubElement(joint, 'limit', lower=lower, upper=upper, effort='0', velocity='0')
+    if link.kind == FIXED:
+        return
+    SubElement(joint, 'axis', xyz=_text(*link.axis))
+    limits = {'effort': acting.effort, 'velocity': acting.velocity}
+    limit = {key: _text(value) if math.isfinite(value) else '0' for key, value in limits.items()}
+    if joint.get('type') != TURNS:
+        limit |= {'lower': _text(ends[0]), 'upper': _text(ends[1])}
+    if joint.get('type') != TURNS or limit['effort'] != '0' or limit['velocity'] != '0':
+        SubElement(joint, 'limit', limit)
+    if acting.damping or acting.friction:
+        losses = {'damping': _text(acting.damping), 'friction': _text(acting.friction)}
+        SubElement(joint, 'dynamics', losses)
+    if acting.follows:
+        other, ratio, offset = acting.follows
+        rule = {'joint': other, 'multiplier': _text(ratio), 'offset': _text(offset)}
+        SubElement(joint, 'mimic', rule)
+    if acting.stiffness:
+        gazebo = SubElement(robot, 'gazebo', reference=link.joint)
+        SubElement(gazebo, 'springStiffness').text = _text(acting.stiffness)
+        SubElement(gazebo, 'springReference').text = _text(acting.rest)
+
+
+def _add_motor(robot: Element, link: Link) -> None:
+    transmission = SubElement(robot, 'transmission', name=f'{link.joint}_transmission')
+    SubElement(transmission, 'type').text = 'transmission_interface/SimpleTransmission'
+    joint = SubElement(transmission, 'joint', name=link.joint)
+    SubElement(joint, 'hardwareInterface').text = 'hardware_interface/EffortJointInterface'
+    actuator = SubElement(transmission, 'actuator', name=f'{link.joint}_motor')
+    if link.acting.armature:
+        SubElement(actuator, 'drake:rotor_inertia', value=_text(link.acting.armature))
+
+
+def _add_closure(robot: Element, closure: Closure, name: str) -> None:
+    """A loop, as proposed for urdfdom; the suite reads it."""
+    kind = 'spherical' if closure.rotation is None else 'fixed'
+    constraint = SubElement(robot, 'constraint', name=name, type=kind)
+    turns = (0.0, 0.0, 0.0), _angles(closure.rotation or (0.0, 0.0, 0.0, 1.0))
+    for side, link in zip(('parent', 'child'), closure.ends, strict=True):
+        SubElement(constraint, side, link=link)
+    for side, point, turn in zip(('parent', 'child'), closure.points, turns, strict=True):
+        _add_origin(constraint, point, turn, f'{side}_origin')
 
 
 def _angles(quaternion: tuple[float, float, float, float]) -> tuple[float, float, float]:
@@ -158,9 +226,12 @@ def _angles(quaternion: tuple[float, float, float, float]) -> tuple[float, float
 
 
 def _add_origin(
-    parent: Element, point: Point, angles: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    parent: Element,
+    point: Point,
+    angles: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    tag: str = 'origin',
 ) -> None:
-    SubElement(parent, 'origin', xyz=_text(*in_space(point)), rpy=_text(*angles))
+    SubElement(parent, tag, xyz=_text(*in_space(point)), rpy=_text(*angles))
 
 
 def _text(*numbers: float) -> str:

@@ -34,4 +34,6 @@ def execute(arguments: argparse.Namespace) -> int:
         return 0
     output.save(arguments.out, posture.description.encode())
     print(f'urdf    {arguments.out}, {len(posture.links)} links')
+    for line in posture.beside.unsaid:
+        print(f'unsaid  {line}')
     return 0

@@ -1,4 +1,7 @@
-"""What URDF and SDF have in common: numbers, links, joints, a tree of them, what is left out."""
+"""What URDF and SDF have in common: numbers, links, joints, a tree of them, what is left out.
+
+Whatever is wrong in a file raises InputError with its place.
+"""
 
 from __future__ import annotations
 
@@ -64,20 +67,12 @@ def of_element(node: Node | None, key: str) -> str | None:
 
 
 def name_of(node: Node) -> str:
-    """The name of an element.
-
-    Raises:
-        InputError: it has none.
-    """
+    """The name of an element."""
     return attribute(node, 'name')
 
 
 def attribute(node: Node, key: str) -> str:
-    """An attribute that must be there.
-
-    Raises:
-        InputError: it is missing or empty.
-    """
+    """An attribute that must be there."""
     value: str = node.get(key, '')
     if not value:
         raise refused(node, f'has no {key}')
@@ -85,17 +80,7 @@ def attribute(node: Node, key: str) -> str:
 
 
 def numbers(node: Node, text: str, what: str, count: int) -> Array:
-    """Finite numbers in a text, shape (count,).
-
-    Args:
-        node: Where the text stands.
-        text: Numbers and spaces.
-        what: What the text is called in messages.
-        count: How many there must be.
-
-    Raises:
-        InputError: it is something else.
-    """
+    """Finite numbers in a text, shape (count,)."""
     try:
         found = np.array([float(word) for word in text.split()])
     except ValueError:
@@ -107,11 +92,7 @@ def numbers(node: Node, text: str, what: str, count: int) -> Array:
 
 
 def number(node: Node | None, key: str, default: float = 0.0, text: Text = of_attribute) -> float:
-    """A number of an element; the default where that or the element is missing.
-
-    Raises:
-        InputError: it is none.
-    """
+    """A number of an element; the default where that or the element is missing."""
     found = text(node, key)
     if node is None or found is None:
         return default
@@ -123,11 +104,7 @@ def number(node: Node | None, key: str, default: float = 0.0, text: Text = of_at
 def vector(
     node: Node | None, key: str, default: tuple[float, ...], text: Text = of_attribute
 ) -> Array:
-    """Numbers of an element, as many as by default; those where it or they are missing.
-
-    Raises:
-        InputError: they are none, or more or fewer.
-    """
+    """Numbers of an element, as many as by default; those where it or they are missing."""
     found = text(node, key)
     if node is None or found is None:
         return np.array(default)
@@ -140,11 +117,7 @@ def _place(node: Node, key: str) -> Node:
 
 
 def unit(node: Node, axis: Array) -> Array:
-    """An axis of length one.
-
-    Raises:
-        InputError: it is zero.
-    """
+    """An axis of length one."""
     largest = float(np.abs(axis).max())
     if not largest:
         raise refused(node, 'has an axis of zeros')
@@ -160,11 +133,7 @@ def turned(roll: float, pitch: float, yaw: float) -> Array:
 
 
 def of_quaternion(node: Node, quaternion: Array) -> Array:
-    """Rotation of a quaternion x, y, z, w of about length one, shape (3, 3).
-
-    Raises:
-        InputError: it has another length.
-    """
+    """Rotation of a quaternion x, y, z, w of about length one, shape (3, 3)."""
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1.0) > ROUNDED:
         raise refused(node, f'has a quaternion of length {length:.4g}, not 1')
@@ -178,11 +147,7 @@ def inverse(frame: Frame) -> Frame:
 
 
 def unique(nodes: list[Node]) -> dict[str, Node]:
-    """Elements by name.
-
-    Raises:
-        InputError: two have the same.
-    """
+    """Elements by name."""
     found: dict[str, Node] = {}
     for node in nodes:
         if (name := name_of(node)) in found:
@@ -266,19 +231,7 @@ class Edge(NamedTuple):
 def link(
     node: Node, inertial: Node | None, frame: Frame, mass: float, text: Text, default: float
 ) -> Body:
-    """A link before it has a place.
-
-    Args:
-        node: Its element.
-        inertial: Where its moments stand.
-        frame: To what they and its centre refer.
-        mass: Its mass [kg].
-        text: How the format says a number.
-        default: Moments of inertia that are not written [kg m^2].
-
-    Raises:
-        InputError: a number is none, or the mass is negative.
-    """
+    """A link before it has a place."""
     if mass < 0.0:
         raise refused(node, f'has a negative mass, {mass:g} kg')
     moments = child(inertial, 'inertia')
@@ -291,16 +244,7 @@ def link(
 
 
 def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
-    """The hinges, slides and balls of a joint.
-
-    Args:
-        node: Its element.
-        kind: Its type.
-        axes: Its axes, in its frame.
-
-    Raises:
-        InputError: there is no such type, or it needs more axes.
-    """
+    """The hinges, slides and balls of a joint."""
     if kind not in KINDS:
         known = ', '.join(KINDS)
         raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
@@ -323,19 +267,7 @@ def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
 def acted_on(
     step: Joint, name: str, limit: Node | None, dynamics: Node | None, text: Text, notes: Notes
 ) -> Joint:
-    """A hinge or slide with its friction, and its limits of effort and speed.
-
-    Args:
-        step: It.
-        name: Of the joint.
-        limit: An element, if there is one.
-        dynamics: Another.
-        text: How the format says a number.
-        notes: Takes what people should know.
-
-    Raises:
-        InputError: a number is none.
-    """
+    """A hinge or slide with its friction, and its limits of effort and speed."""
     urdf, greatest = text is of_attribute, []
     for key in ('effort', 'velocity'):
         value = number(limit, key, INFINITY, text)
@@ -358,15 +290,7 @@ def acted_on(
 
 
 def followers(joints: dict[str, Node], text: Text) -> list[Coupling]:
-    """The joints that follow others: position = ratio (other - reference) + offset.
-
-    Args:
-        joints: Elements by name.
-        text: How the format says a number.
-
-    Raises:
-        InputError: a joint is unknown, or a number is none.
-    """
+    """The joints that follow others: position = ratio (other - reference) + offset."""
     found = []
     for name, node in joints.items():
         mimic, how = child(node if text is of_attribute else child(node, 'axis'), 'mimic'), text
@@ -385,11 +309,7 @@ def followers(joints: dict[str, Node], text: Text) -> list[Coupling]:
 
 
 def check_held(description: Description, edges: Sequence[Edge]) -> None:
-    """Refuse joints that leave a link all freedoms, or those of a plane, and that no loop holds.
-
-    Raises:
-        InputError: there is one.
-    """
+    """Refuse a link that has all freedoms, or those of a plane, and that no loop holds."""
     held: set[int] = set()
     for each in description.loops:
         held |= _above(description, each.first) ^ _above(description, each.second)
@@ -423,20 +343,9 @@ def spread(
     fixed: Sequence[str],
     both_ways: bool,
     driven: Collection[str] = (),
+    closing: Sequence[Edge] = (),
 ) -> Description:
-    """The bodies, joints, loops and frames that links and joints make; no more is known yet.
-
-    Args:
-        source: What the file is called in messages.
-        links: All links, without places.
-        edges: The joints; one that finds its child in place closes a loop.
-        fixed: Links that do not move.
-        both_ways: Whether a joint may carry its parent.
-        driven: Joints that are actuated.
-
-    Raises:
-        InputError: there are none or too many links, or some hang on no link that is fixed.
-    """
+    """The bodies, joints, loops and frames that links and joints make; no more is known yet."""
     if not links:
         raise InputError(f'{source} has no links')
     if len(links) > MOST:
@@ -464,6 +373,8 @@ def spread(
             else 'that carry each other in a circle'
         )
         raise InputError(f'{source}: links {what}: {listed(left)}')
+    for edge in closing:
+        growing.close(edge, driven)
     nothing = np.zeros(3)
     return Description(
         source, tuple(growing.bodies), tuple(growing.joints), tuple(growing.loops),

@@ -55,11 +55,7 @@ BASE = 'world'  # what SDF calls the world
 
 
 def pose(node: Node | None) -> Frame:
-    """The frame that an element <pose> gives.
-
-    Raises:
-        InputError: it holds no numbers.
-    """
+    """The frame that an element <pose> gives."""
     if node is None:
         return Frame(WORLD)
     node.asked |= {TEXT, 'relative_to', 'frame'}
@@ -86,14 +82,7 @@ class Poses:
         nodes: Sequence[Node] = (),
         places: Mapping[str, Frame] | None = None,
     ) -> None:
-        """Note what has a name.
-
-        Args:
-            model: The element <model>, or <world>.
-            axes_in_model: Whether axes of joints are seen from the model.
-            nodes: More of its joints.
-            places: Links whose places are known.
-        """
+        """Note what has a name."""
         self._own = [each for tag in TAGS for each in children(model, tag)]
         self._nodes = {name_of(node): node for node in (*self._own, *nodes)}
         self._found: dict[str, Frame] = dict(places or {})
@@ -114,11 +103,7 @@ class Poses:
         self.model = here
 
     def of(self, asking: Node, name: str) -> Frame:
-        """What has a name.
-
-        Raises:
-            InputError: nothing has, or it is relative to itself.
-        """
+        """What has a name."""
         chain: list[Node] = []
         while name not in self._found and name not in (OWN, BASE):
             node = self._nodes.get(name)
@@ -135,11 +120,7 @@ class Poses:
         return frame
 
     def carrier(self, asking: Node, name: str) -> str:
-        """The link that carries a link, frame or joint, or the world.
-
-        Raises:
-            InputError: there is no such thing, or it is attached to itself.
-        """
+        """The link that carries a link, frame or joint, or the world."""
         seen = set()
         while name != BASE and name not in self._links:
             node = self._nodes.get(name)
@@ -188,16 +169,7 @@ OFTEN_OFF = 'enable_wind', 'kinematic', 'wind', 'velocity_decay'  # zero: withou
 
 
 def read(root: Node, source: str) -> Description:
-    """A description from SDF.
-
-    Args:
-        root: The element <sdf>.
-        source: What the file is called in messages.
-
-    Raises:
-        InputError: it is no valid SDF, holds several robots, or one has what this suite does not
-            know.
-    """
+    """A description from SDF."""
     world = child(root, 'world')
     model = _model(root if world is None else world, source)
     notes: Notes = defaultdict(list)
@@ -261,9 +233,8 @@ def _model(parent: Node, source: str) -> Node:
     if nested is not None:
         raise refused(nested, 'is a model in a model; write its links in the outer one')
     for node in parent, moving[0], *children(moving[0], 'link'):
-        for each in (each for tag in OFTEN_OFF for each in children(node, tag)):
+        for each in (each for each in children(node) if each.tag in OFTEN_OFF):
             words = ' '.join(each.itertext()).lower().split()
-            each.heard = False
             if all(word.strip('-0.') in ('', 'false') for word in words):
                 hear(each)
     return moving[0]
@@ -281,16 +252,7 @@ def _link(node: Node, weightless: bool) -> Body:
 
 
 def edge(node: Node, poses: Poses, notes: Notes) -> Edge:
-    """A joint.
-
-    Args:
-        node: Its element.
-        poses: Where what it names is.
-        notes: Takes what people should know.
-
-    Raises:
-        InputError: it names what is not there, or is no joint that this suite knows.
-    """
+    """A joint."""
     ends = []
     for tag in ('parent', 'child'):
         name = of_element(node, tag)
@@ -300,7 +262,7 @@ def edge(node: Node, poses: Poses, notes: Notes) -> Edge:
     if ends[0] == ends[1]:
         raise refused(node, f'joins the link {printable(ends[0])!r} with itself')
     kind, name = attribute(node, 'type'), name_of(node)
-    here = poses.of(node, name)
+    here = joined(poses.of(node, _relative(node)), pose(child(node, 'pose')))
     sides = [joined(inverse(poses.of(node, end)), here) for end in ends]
     axes = [each for tag in ('axis', 'axis2') if (each := child(node, tag)) is not None]
     how = list(steps(node, kind, [_direction(node, axis, poses, here) for axis in axes]))

@@ -188,15 +188,7 @@ ENDLESS = 'neither lower nor upper, which are 0 as specified: no ends of travel'
 
 
 def read(robot: Node, source: str) -> Description:
-    """A description from URDF.
-
-    Args:
-        robot: The element <robot>.
-        source: What the file is called in messages.
-
-    Raises:
-        InputError: it is no valid URDF, or the robot has what this suite does not know.
-    """
+    """A description from URDF."""
     robot.get('version')
     joints = unique(children(robot, 'joint') + children(robot, 'drake:joint'))
     named = unique(children(robot, 'link'))
@@ -207,15 +199,16 @@ def read(robot: Node, source: str) -> Description:
     edges = [_edge(node, links, kinds.get(name), beside) for name, node in joints.items()]
     carried = {edge.child for edge in edges}
     roots = [name for name in links if name not in carried]
-    edges += _gazebo_edges(robot, edges, roots)
+    closing = _gazebo_edges(robot, edges, roots)
+    closing += [_closing_edge(node, links, notes) for tag in ENDS for node in children(robot, tag)]
+    edges, tree = [*edges, *closing], edges
     if sdf.BASE not in links and any(sdf.BASE in (each.parent, each.child) for each in edges):
         links[sdf.BASE] = Body(sdf.BASE, WORLD, np.eye(3), np.zeros(3))
         roots.append(sdf.BASE)
-    edges += [_closing_edge(node, links, notes) for tag in ENDS for node in children(robot, tag)]
     mimics = followers(joints, of_attribute)
     actuators = _actuators(robot, joints, {mimic.joint for mimic in mimics})
     driven = {actuator.joint for actuator in actuators}
-    found = spread(source, list(links.values()), edges, roots, False, driven)
+    found = spread(source, list(links.values()), tree, roots, False, driven, closing)
     ends = {edge.name: found.frames[edge.child] for edge in edges} | found.frames
     found = found._replace(
         loops=(*found.loops, *_closing_frames(robot, ends)),
@@ -295,9 +288,9 @@ def _limited(node: Node, kind: str, step: Joint, beside: Beside) -> Joint:
     else:
         notes['soft limits without an extent are left out'].append(name)
     commands, control = beside.commanded.get(name, {}), '<ros2_control>'
-    least, most = commands.get('velocity', UNLIMITED)
-    speed = max(min(-least, most), 0.0)
-    effort = commands.get('effort', UNLIMITED)
+    speed = min((abs(end) for end in commands.get('velocity', ()) if end), default=INFINITY)
+    least, most = commands.get('effort', UNLIMITED)
+    effort = -abs(least), abs(most)  # as its interface has it: no motor pushes one way at least
     travel = _narrower(node, 'travel', travel, commands.get('position', UNLIMITED), control, notes)
     _, velocity = _narrower(node, 'velocity', (0.0, step.velocity), (0.0, speed), control, notes)
     stiffness, rest = beside.springs.get(name, (0.0, 0.0))
@@ -356,6 +349,9 @@ def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Bes
         of_element(node, 'type')
         actuators = children(node, 'actuator')
         for i, joint in enumerate(children(node, 'joint')):
+            for each in (joint, *actuators[i : i + 1]):  # of a motor's own position
+                hear(child(each, 'role'))
+                hear(child(each, 'offset'))
             of = {}
             for key, default in (('rotor_inertia', 0.0), ('gear_ratio', 1.0)):
                 owners = (child(each, f'drake:{key}') for each in (*actuators[i : i + 1], node))

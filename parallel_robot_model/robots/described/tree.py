@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,14 +12,30 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.mechanisms.description.parts import WORLD, Description, Frame
-from parallel_robot_model.mechanisms.description.tree import build
-from parallel_robot_model.mechanisms.mechanism import BASE, SLIDE, Mechanism
+from parallel_robot_model.mechanisms.description.parts import (
+    WORLD,
+    Description,
+    Frame,
+    listed,
+)
+from parallel_robot_model.mechanisms.description.tree import Tree, build
+from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, SLIDE, TURN, Mechanism
 from parallel_robot_model.mechanisms.skeleton import lines, positions_of
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.described.parameters import Parameters
-from parallel_robot_model.robots.link import FIXED, SLIDES, TURNS, Link
+from parallel_robot_model.robots.described.shifting import loops
+from parallel_robot_model.robots.link import (
+    FIXED,
+    SLIDES,
+    TURNS,
+    Acting,
+    Beside,
+    Closure,
+    Link,
+)
 
+EARTH = (0.0, 0.0, -9.81)  # m/s^2, gravity where a URDF is read
+NEAR = 1e-9  # rad or m, a position at home that is zero
 UPPER = np.triu_indices(3)  # xx, xy, xz, yy, yz, zz of an inertia
 
 
@@ -55,25 +72,64 @@ class DescribedTree:
     def links(self, robot: Parameters, joints: tuple[str, ...]) -> tuple[Link, ...]:
         """Links with the names of the description; `joints` are those of the actuated ones."""
         made, mechanism = self._robot.machine(robot), self._robot.mechanism(robot)
-        description = self._robot.description
-        hosts = build(description, posture(description, robot.home)).hosts
-        bodies = [body.name for body in description.bodies]
-        names, fixed = _names(made.names, bodies, hosts)
+        names, fixed, tree = self._named(robot)
         given = dict(zip(mechanism.actuated.tolist(), joints, strict=True))
         joint_names = [given.get(k, name) for k, name in enumerate(made.names)]
         travel = zip(robot.lower, robot.upper, strict=True)
         ends = dict(zip(mechanism.actuated.tolist(), travel, strict=True))
+        acting = _acting(made, mechanism, tree, joint_names)
         drawn = defaultdict(list)
         for line in lines(mechanism):
             if line.ends[0].tobytes() != line.ends[1].tobytes():  # of the way of a slide alone
                 drawn[line.link].append(tuple(map(_numbers, line.ends)))
         moving = [
             _moving(mechanism, k, names, joint_names[k])._replace(
-                lines=tuple(drawn[k]), **({'travel': ends[k]} if k in ends else {})
+                lines=tuple(drawn[k]),
+                acting=acting[k],
+                **({'travel': ends[k]} if k in ends else {}),
             )
             for k in range(len(names))
         ]
-        return (*moving, *(_fixed(name, hosts[k], names) for name, k in fixed))
+        return (*moving, *(_fixed(name, tree.hosts[k], names) for name, k in fixed))
+
+    def beside(self, robot: Parameters) -> Beside:
+        """What closes its loops, its tool, and what a URDF has no words for."""
+        made, m = self._robot.machine(robot), self._robot.mechanism(robot)
+        names, fixed, _ = self._named(robot)
+        closures, turning = [], np.flatnonzero(m.closure == TURN)
+        for k in (rows[0] for rows in loops(m)):
+            both = int(m.first[k]), int(m.second[k])
+            turns = [m.turned[i].T for i in turning if (m.first[i], m.second[i]) == both]
+            ends = [FRAME if end == BASE else names[end] for end in both]
+            points = _numbers(m.first_point[k]), _numbers(m.second_point[k])
+            rotation = _quaternion(turns[0]) if turns else None
+            closures.append(Closure((ends[0], ends[1]), points, rotation))
+        known = {*names, *(name for name, _ in fixed)}
+        tool = Frame(m.tool, m.tool_rotation, m.tool_point)
+        new = made.tool in self._robot.description.frames and made.tool not in known
+        home = [
+            f'{name}={value:.9g}'
+            for name, value in zip(made.names, m.home, strict=True)
+            if abs(value) > NEAR
+        ]
+        unsaid = [f'robot.home: {", ".join(home)}'] if home else []
+        if made.tool in self._robot.description.frames:
+            unsaid.append(f'robot.tool: {made.tool}')
+        if robot.gravity != EARTH:
+            unsaid.append(f'robot.gravity: {[*robot.gravity]}')
+        if robot.held:
+            unsaid.append(f'robot.held: {[*robot.held]}')
+        unsaid += [f'{what}: {listed(of)}' for what, of in _unsaid(self._robot.description) if of]
+        return Beside(
+            tuple(closures), (_fixed(made.tool, tool, names),) if new else (), tuple(unsaid)
+        )
+
+    def _named(self, robot: Parameters) -> tuple[list[str], list[tuple[str, int]], Tree]:
+        """Names of links that move, bodies beside them, and the tree of the description."""
+        description = self._robot.description
+        tree = build(description, posture(description, robot.home))
+        bodies = [body.name for body in description.bodies]
+        return *_names(self._robot.machine(robot).names, bodies, tree.hosts), tree
 
     def angles(self, robot: Parameters, pose: Array, position: Array) -> Array:
         """Positions of the joints that move [rad or m], shape (..., N); NaN in a fault."""
@@ -81,6 +137,38 @@ class DescribedTree:
         rows = np.reshape(position, (-1, position.shape[-1]))
         found, _ = positions_of(mechanism, rows)
         return found.reshape(*position.shape[:-1], -1)
+
+
+def _acting(made: Machine, m: Mechanism, tree: Tree, names: list[str]) -> list[Acting]:
+    """What acts in each joint, of the actuated ones with their motors."""
+    followed = {
+        int(m.first[k]): (names[m.second[k]], float(m.ratio[k]), float(m.offset[k]))
+        for k in np.flatnonzero((m.closure == COUPLING) & (m.second != BASE))
+    }
+    numbers = zip(made.effort, made.velocity, made.viscous, made.coulomb, strict=True)
+    motors = dict(zip(m.actuated.tolist(), numbers, strict=True))
+    found = []
+    for k, joint in enumerate(link.joint for link in tree.links):
+        own = joint.effort[1], joint.velocity, sum(joint.damping[:1]), joint.coulomb
+        effort, rate, viscous, dry = motors.get(k, own)
+        rotor, spring = float(m.armature[k]), sum(joint.stiffness[:1])
+        found.append(
+            Acting(effort, rate, viscous, dry, rotor, spring, joint.rest, followed.get(k))
+        )
+    return found
+
+
+def _unsaid(description: Description) -> Iterator[tuple[str, list[str]]]:
+    """What of a description a URDF has no words for, and the names of what has it."""
+    joints, motors = description.joints, description.actuators
+    yield 'growing damping', [each.name for each in joints if any(each.damping[1:])]
+    yield 'growing stiffness', [each.name for each in joints if any(each.stiffness[1:])]
+    efforts = [(each.name, each.effort) for each in joints]
+    efforts += [(each.name, each.effort) for each in motors]
+    yield 'another effort to the other side', [name for name, (a, b) in efforts if a != -b]
+    yield 'lag or delay of motors', [each.name for each in motors if each.lag or each.delay]
+    yield 'tendons', [each.name for each in description.tendons]
+    yield 'weight that is taken off', [each.name for each in description.bodies if each.lifted]
 
 
 def _names(

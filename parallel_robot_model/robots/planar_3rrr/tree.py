@@ -6,7 +6,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages.topics import FRAME
-from parallel_robot_model.robots.link import Link
+from parallel_robot_model.robots.link import Beside, Closure, Link
 from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters, segments
 
 PLATFORM = 'platform_joint'  # name of the joint between the first leg and the platform
@@ -15,9 +15,7 @@ PLATFORM = 'platform_joint'  # name of the joint between the first leg and the p
 def links(robot: RobotParameters, joints: tuple[str, ...]) -> tuple[Link, ...]:
     """Three proximal links, three distal links, and the platform, whose x axis is at phi."""
     base = list(zip(robot.base_x, robot.base_y, strict=True))
-    corners = robot.l3 * np.exp(1j * np.array(robot.platform_angle))
-    points = [(corner.real, corner.imag) for corner in (corners - corners[0]).tolist()]
-    centre = -complex(corners[0])
+    points, centre = _corners(robot)
     proximal = [
         Link(
             *(f'proximal{k}', FRAME, joint, base[k - 1]),
@@ -38,6 +36,23 @@ def links(robot: RobotParameters, joints: tuple[str, ...]) -> tuple[Link, ...]:
         *(robot.mp, (centre.real, centre.imag), robot.Ip, sides),
     )
     return (*proximal, *distal, platform)
+
+
+def beside(robot: RobotParameters) -> Beside:
+    """The other two legs end at corners of the platform."""
+    corners = _corners(robot)[0]
+    return Beside(
+        tuple(
+            Closure((f'distal{k}', 'platform'), ((robot.l2, 0.0), corners[k - 1])) for k in (2, 3)
+        )
+    )
+
+
+def _corners(robot: RobotParameters) -> tuple[list[tuple[float, float]], complex]:
+    """Corners of the platform from its first, and its centre, as x + iy [m]."""
+    corners = robot.l3 * np.exp(1j * np.array(robot.platform_angle))
+    points = [(corner.real, corner.imag) for corner in (corners - corners[0]).tolist()]
+    return points, -complex(corners[0])
 
 
 def angles(robot: RobotParameters, pose: Array, position: Array) -> Array:
