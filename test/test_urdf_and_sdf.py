@@ -68,6 +68,14 @@ def test_what_is_not_known_is_told_with_its_line(old, new, words):
     said(shoulder(old, new), words)
 
 
+def test_a_mass_that_is_left_out_is_named_where_it_is_missed():
+    text = urdf().replace('<mass value="2"/>', '<mass>2</mass>')
+    with pytest.raises(
+        InputError, match=r'joint stroke: .*; left out: the text of <mass>, line 19'
+    ):
+        made(text)
+
+
 def test_many_of_a_kind_are_one_line():
     text = urdf().replace('<limit ', '<limit jerk="3" ')
     (line,) = [line for line in read(text, 'robot.xml').doubts if 'jerk' in line]

@@ -156,7 +156,9 @@ def _doubts(source: str, body: Body, size: float) -> list[str]:
     return doubts
 
 
-def _check_felt(source: str, parts: Assembly, freedoms: Freedoms, inertia: Inertia) -> None:
+def _check_felt(
+    description: Description, parts: Assembly, freedoms: Freedoms, inertia: Inertia
+) -> None:
     """Refuse a machine with a motion that nothing with a mass takes part in."""
     matrix = felt(parts, freedoms, inertia)
     own = np.sqrt(np.maximum(np.diag(matrix), 0.0))
@@ -165,9 +167,11 @@ def _check_felt(source: str, parts: Assembly, freedoms: Freedoms, inertia: Inert
     if sizes[0] <= LEAST:
         taking = np.abs(motions[:, 0]) > 0.1  # part in the motion
         names = (parts.tree.links[i].name for i in np.array(freedoms.actuated)[taking])
+        lost = [line for line in description.doubts if line.startswith(('left out', 'nothing'))]
+        hints = ['' if parts.equations else NO_LOOP, *(f'; {line}' for line in lost)]
         raise InputError(
-            f'{source}: nothing with a mass moves with joint {listed(names)}: the inertia matrix '
-            f'is not positive definite{"" if parts.equations else NO_LOOP}'
+            f'{description.source}: nothing with a mass moves with joint {listed(names)}: the '
+            f'inertia matrix is not positive definite{"".join(hints)}'
         )
 
 
@@ -325,7 +329,7 @@ def machine(
     parts = parts._replace(home=exact, tool=found)
     inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
     _check_driven(description.source, parts, freedoms, stopped, inertia)
-    _check_felt(description.source, parts, freedoms, inertia)
+    _check_felt(description, parts, freedoms, inertia)
     chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
     joints = [links[i].joint for i in freedoms.actuated]

@@ -299,6 +299,8 @@ def _limited(step: Joint, name: str, axis: Node, kind: str, notes: Notes) -> Joi
     """A joint with what acts on it, and its limits."""
     limit = child(axis, 'limit')
     step = acted_on(step, name, limit, child(axis, 'dynamics'), of_element, notes)
+    for key in ('stiffness', 'dissipation'):  # of the stops
+        hear(child(limit, key))
     lower = number(limit, 'lower', -INFINITY, of_element)
     upper = number(limit, 'upper', INFINITY, of_element)
     if kind == 'continuous' or step.kind == BALL:
