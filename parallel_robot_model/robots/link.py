@@ -9,23 +9,12 @@ import numpy as np
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.mechanisms.description.parts import HINGE, WORLD, Joint
 
 Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
 Moments = tuple[float, float, float, float, float, float]
+IDLE = Joint('', WORLD, HINGE, np.array([0.0, 0.0, 1.0]))  # nothing acts in it
 TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as URDF calls them
-
-
-class Acting(NamedTuple):
-    """What acts in a joint and on its motor [rad or m, N m or N]; for a URDF alone."""
-
-    effort: float = np.inf  # greatest torque or force
-    velocity: float = np.inf  # greatest rate
-    damping: float = 0.0  # viscous friction
-    friction: float = 0.0  # dry friction
-    armature: float = 0.0  # inertia of the rotor, as felt at the joint
-    stiffness: float = 0.0  # of its spring
-    rest: float = 0.0  # position where that is slack
-    follows: tuple[str, float, float] | None = None  # another joint, the ratio, the offset
 
 
 class Link(NamedTuple):
@@ -48,7 +37,8 @@ class Link(NamedTuple):
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     kind: str = TURNS  # TURNS, SLIDES or FIXED
     travel: tuple[float, float] = (-1e3, 1e3)  # ends of travel [rad or m]
-    acting: Acting = Acting()
+    acting: Joint = IDLE  # its friction, limits, rotor and spring
+    follows: tuple[str, float, float] | None = None  # another joint, the ratio, the offset
 
 
 class Closure(NamedTuple):

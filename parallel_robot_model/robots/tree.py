@@ -117,7 +117,8 @@ def urdf(
     """
     robot = Element('robot', {'name': name, 'xmlns:drake': 'http://drake.mit.edu'})
     if beside.unsaid:
-        robot.append(ElementTree.Comment(f' not in URDF: {"; ".join(beside.unsaid)} '))
+        said = '; '.join(beside.unsaid).replace('--', '- -')  # XML forbids it in comments
+        robot.append(ElementTree.Comment(f' not in URDF: {said} '))
     SubElement(robot, 'link', name=FRAME)
     for link in (*links, *beside.links):
         _add_link(robot, link)
@@ -174,30 +175,30 @@ def _add_joint(robot: Element, link: Link) -> None:
     if link.kind == FIXED:
         return
     SubElement(joint, 'axis', xyz=_text(*link.axis))
-    limits = {'effort': acting.effort, 'velocity': acting.velocity}
+    limits = {'effort': acting.effort[1], 'velocity': acting.velocity}
     limit = {key: _text(value) if math.isfinite(value) else '0' for key, value in limits.items()}
     if joint.get('type') != TURNS:
         limit |= {'lower': _text(ends[0]), 'upper': _text(ends[1])}
     if joint.get('type') != TURNS or limit['effort'] != '0' or limit['velocity'] != '0':
         SubElement(joint, 'limit', limit)
-    if acting.damping or acting.friction:
-        losses = {'damping': _text(acting.damping), 'friction': _text(acting.friction)}
+    damping, stiffness = sum(acting.damping[:1]), sum(acting.stiffness[:1])
+    if damping or acting.coulomb:
+        losses = {'damping': _text(damping), 'friction': _text(acting.coulomb)}
         SubElement(joint, 'dynamics', losses)
-    if acting.follows:
-        other, ratio, offset = acting.follows
+    if link.follows:
+        other, ratio, offset = link.follows
         rule = {'joint': other, 'multiplier': _text(ratio), 'offset': _text(offset)}
         SubElement(joint, 'mimic', rule)
-    if acting.stiffness:
+    if stiffness:
         gazebo = SubElement(robot, 'gazebo', reference=link.joint)
-        SubElement(gazebo, 'springStiffness').text = _text(acting.stiffness)
+        SubElement(gazebo, 'springStiffness').text = _text(stiffness)
         SubElement(gazebo, 'springReference').text = _text(acting.rest)
 
 
 def _add_motor(robot: Element, link: Link) -> None:
     transmission = SubElement(robot, 'transmission', name=f'{link.joint}_transmission')
     SubElement(transmission, 'type').text = 'transmission_interface/SimpleTransmission'
-    joint = SubElement(transmission, 'joint', name=link.joint)
-    SubElement(joint, 'hardwareInterface').text = 'hardware_interface/EffortJointInterface'
+    SubElement(transmission, 'joint', name=link.joint)
     actuator = SubElement(transmission, 'actuator', name=f'{link.joint}_motor')
     if link.acting.armature:
         SubElement(actuator, 'drake:rotor_inertia', value=_text(link.acting.armature))

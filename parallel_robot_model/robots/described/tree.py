@@ -16,6 +16,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     WORLD,
     Description,
     Frame,
+    Joint,
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import Tree, build
@@ -28,7 +29,6 @@ from parallel_robot_model.robots.link import (
     FIXED,
     SLIDES,
     TURNS,
-    Acting,
     Beside,
     Closure,
     Link,
@@ -77,7 +77,12 @@ class DescribedTree:
         joint_names = [given.get(k, name) for k, name in enumerate(made.names)]
         travel = zip(robot.lower, robot.upper, strict=True)
         ends = dict(zip(mechanism.actuated.tolist(), travel, strict=True))
-        acting = _acting(made, mechanism, tree, joint_names)
+        acting = _acting(made, mechanism, tree)
+        m = mechanism
+        follows = {
+            int(m.first[k]): (joint_names[m.second[k]], float(m.ratio[k]), float(m.offset[k]))
+            for k in np.flatnonzero((m.closure == COUPLING) & (m.second != BASE))
+        }
         drawn = defaultdict(list)
         for line in lines(mechanism):
             if line.ends[0].tobytes() != line.ends[1].tobytes():  # of the way of a slide alone
@@ -86,6 +91,7 @@ class DescribedTree:
             _moving(mechanism, k, names, joint_names[k])._replace(
                 lines=tuple(drawn[k]),
                 acting=acting[k],
+                follows=follows.get(k),
                 **({'travel': ends[k]} if k in ends else {}),
             )
             for k in range(len(names))
@@ -139,22 +145,16 @@ class DescribedTree:
         return found.reshape(*position.shape[:-1], -1)
 
 
-def _acting(made: Machine, m: Mechanism, tree: Tree, names: list[str]) -> list[Acting]:
-    """What acts in each joint, of the actuated ones with their motors."""
-    followed = {
-        int(m.first[k]): (names[m.second[k]], float(m.ratio[k]), float(m.offset[k]))
-        for k in np.flatnonzero((m.closure == COUPLING) & (m.second != BASE))
-    }
-    numbers = zip(made.effort, made.velocity, made.viscous, made.coulomb, strict=True)
-    motors = dict(zip(m.actuated.tolist(), numbers, strict=True))
-    found = []
-    for k, joint in enumerate(link.joint for link in tree.links):
-        own = joint.effort[1], joint.velocity, sum(joint.damping[:1]), joint.coulomb
-        effort, rate, viscous, dry = motors.get(k, own)
-        rotor, spring = float(m.armature[k]), sum(joint.stiffness[:1])
-        found.append(
-            Acting(effort, rate, viscous, dry, rotor, spring, joint.rest, followed.get(k))
-        )
+def _acting(made: Machine, m: Mechanism, tree: Tree) -> list[Joint]:
+    """The joint of each link, the actuated ones with their motors."""
+    found = [
+        link.joint._replace(armature=float(rotor))
+        for link, rotor in zip(tree.links, m.armature, strict=True)
+    ]
+    numbers = zip(m.actuated, made.effort, made.velocity, made.viscous, made.coulomb, strict=True)
+    for k, effort, rate, viscous, dry in numbers:
+        own = {'effort': (-effort, effort), 'velocity': rate, 'coulomb': dry}
+        found[k] = found[k]._replace(damping=(viscous,), **own)
     return found
 
 
