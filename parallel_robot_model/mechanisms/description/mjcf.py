@@ -563,13 +563,13 @@ class _Reading:
         model, data = self._model, np.array(self._model.eq_data[index])
         first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         if int(model.eq_objtype[index]) == self._mujoco.mjtObj.mjOBJ_SITE:
-            return Loop(name, self._site(first), self._site(second), turns)
+            return Loop(name, self._site(first), self._site(second), bool(turns))
         if not weld:
             frames = Frame(first - 1, position=data[:3]), Frame(second - 1, position=data[3:6])
             return Loop(name, *frames, False)
         rotation = self._matrix(data[6:10] / np.linalg.norm(data[6:10]))
         at = Frame(first - 1, rotation, data[3:6])
-        return Loop(name, at, Frame(second - 1, position=data[:3]), turns)
+        return Loop(name, at, Frame(second - 1, position=data[:3]), bool(turns))
 
     def _site(self, index: int) -> Frame:
         model = self._model
