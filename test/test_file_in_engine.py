@@ -1,12 +1,15 @@
 """Described machines beside what an engine makes of their file: `verify` of one."""
 
+import importlib
 import json
 import math
 import re
 import sys
+from pathlib import Path
 
 import pytest
 from machine_files import five_bar, mjcf
+from mjcf_features import FEATURES
 
 import parallel_robot as pr
 from parallel_robot.cli.command_line import main
@@ -147,3 +150,30 @@ def test_a_urdf_is_held_against_pinocchio(tmp_path):
     ]:
         other = written(tmp_path, URDF.replace(before, after), 'other.urdf')
         assert what in differing(compare(robot, other)[1])
+
+
+@pytest.fixture
+def descriptions(monkeypatch):
+    """The script that holds folders of descriptions against engines."""
+    monkeypatch.syspath_prepend(Path(__file__).parents[1] / 'benchmarks')
+    return importlib.import_module('descriptions')
+
+
+@pytest.mark.parametrize('name', FEATURES)
+def test_what_people_write_in_mjcf_is_obeyed(name, tmp_path, descriptions):
+    path = written(tmp_path, FEATURES[name])
+    row = descriptions.row_of(path, tmp_path)
+    assert not row.refused and max(each.share for each in row.compared) < 1e-12
+
+
+def test_a_folder_of_files_is_a_table(tmp_path, descriptions, capsys):
+    written(tmp_path, ARM, 'agrees.xml')
+    written(tmp_path, '<mujoco><worldbody/></mujoco>', 'refused.xml')
+    assert descriptions.main([str(tmp_path)]) == 0
+    first, _, agrees, refused = capsys.readouterr().out.splitlines()
+    assert first == '2 files: 1 agree, 0 differ, 1 are refused'
+    assert re.fullmatch(r' *agrees\.xml( +(0|\de-1\d)){3} *', agrees)
+    assert refused.split(None, 1)[0] == 'refused.xml' and 'no joints that move' in refused
+    written(tmp_path, ARM.replace('<mujoco>', '<mujoco><option density="9"/>'), 'fluid.xml')
+    assert descriptions.main([str(tmp_path), '--format', 'markdown']) == 1
+    assert re.search(r'\| fluid\.xml .*\| fluid by \S+ N', capsys.readouterr().out)

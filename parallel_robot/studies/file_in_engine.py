@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot_model.common.errors import InputError, first_line, optional, printable
+from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.home import posture
@@ -194,7 +194,7 @@ class _Mujoco:
         try:
             self._model = self._mujoco.MjModel.from_xml_path(str(path))
         except (ValueError, self._mujoco.FatalError) as error:
-            raise InputError(f'MuJoCo does not take it: {first_line(error)}') from None
+            raise InputError(f'MuJoCo does not take it: {printable(str(error))}') from None
         self._model.opt.jacobian = self._mujoco.mjtJacobian.mjJAC_DENSE
         self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_CONTACT
         if hasattr(self._model, 'actuator_delay'):
@@ -315,7 +315,7 @@ class _Pinocchio:
         except ImportError:
             raise InputError('Pinocchio is not installed; pip install pin') from None
         except (ValueError, RuntimeError) as error:
-            raise InputError(f'Pinocchio does not take it: {first_line(error)}') from None
+            raise InputError(f'Pinocchio does not take it: {printable(str(error))}') from None
         self.name = f'Pinocchio {self._pin.__version__}'
         self._data = self._model.createData()
         if (np.array(self._model.nvs)[1:] != 1).any():
