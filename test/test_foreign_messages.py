@@ -129,3 +129,17 @@ def test_few_states_of_another_publisher_are_left_out(record):
     assert np.array_equal(log.position, MOTION)
     told = ' '.join(log.warnings)
     assert '16 of 316 states leap by more than 0.1 rad and back: of another publisher?' in told
+
+
+def test_states_of_two_recorders_count_once(record):
+    """A bag that was merged of two: each state twice. Other numbers at a stamp are no copies."""
+    log, once = record([*whole(), *whole()]), record(whole())
+    [told] = [line for line in log.warnings if 'recorded twice' in line]
+    assert f'{COUNT} messages on joint_states were recorded twice' in told
+    for field in ('stamps', 'position', 'effort', 'reference_position'):
+        np.testing.assert_array_equal(getattr(log, field), getattr(once, field))
+    assert log.messages['joint_states'].count == COUNT
+    other = state(STAMPS[7] + 9, MOTION[7], np.zeros(3), np.ones(3), stamp=STAMPS[7])
+    third = record([*whole(), other])
+    assert not any('recorded twice' in line for line in third.warnings)
+    assert any('repeat a stamp' in line for line in third.warnings)

@@ -272,7 +272,12 @@ def of(
     if held:
         what = f'{held} messages on {topics.REFERENCE.name} have no velocities'
         warnings.append(f'{bag}: {what}: each counts as it is until the next')
-    states, references, commands = (whole(bag, each, streams[each], joints) for each in NEEDED)
+    states, references, commands = (
+        _once(bag, each, whole(bag, each, streams[each], joints), warnings) for each in NEEDED
+    )
+    streams |= {
+        each: [one] for each, one in zip(NEEDED, (states, references, commands), strict=True)
+    }
     states = _physical(bag, topics.JOINT_STATES, states, warnings)
     references = _physical(bag, topics.REFERENCE, references, warnings)
     states = _ordered(bag, topics.JOINT_STATES, states, warnings)
@@ -288,6 +293,25 @@ def of(
     recorded = matching.recorded_answers(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
     return RunMessages(states, references, commands, recorded, streams, warnings)
+
+
+def _once(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
+    """Count equal messages of one time once, as of two recorders, with a line in `warnings`."""
+    times = samples.log_times if topic == topics.COMMANDS else samples.stamps  # without a stamp
+    order = np.argsort(times, kind='stable')
+    again = np.diff(times[order]) == 0
+    if not again.any():
+        return samples
+    for numbers in samples.numbers.values():
+        bits = np.ascontiguousarray(numbers[order]).view(np.int64)
+        again &= (bits[1:] == bits[:-1]).all(axis=1)
+    if not again.any():
+        return samples
+    kept = np.ones(len(times), bool)
+    kept[order[1:][again]] = False
+    what = f'{int(again.sum())} messages on {topic.name} were recorded twice'
+    warnings.append(f'{bag}: {what}: equal stamps, equal numbers; they count once')
+    return samples.rows(kept)
 
 
 def _physical(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
