@@ -10,9 +10,19 @@ from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.described.robot import default_values, described
 
 
-@pytest.fixture(scope='module', params=['five_bar', 'delta'])
+def _with_springs(text):
+    """The five-bar whose elbow has a spring and whose motors are tied by a damper."""
+    tie = '<joint joint="left" coef="1"/><joint joint="right" coef="-2"/>'
+    return text.replace(
+        '<joint name="left_elbow"', '<joint name="left_elbow" stiffness="3"'
+    ).replace('</worldbody>', f'</worldbody><tendon><fixed damping="2">{tie}</fixed></tendon>')
+
+
+@pytest.fixture(scope='module', params=['five_bar', 'delta', 'springs'])
 def case(request):
     """A machine, with the parameters of its file and with other ones."""
+    if request.param == 'springs':
+        return _case('five_bar', _with_springs)
     return _case(request.param)
 
 
@@ -21,8 +31,8 @@ def five_bar():
     return _case('five_bar')
 
 
-def _case(name):
-    text = robot_file.text_of(config_files.directory() / 'machines' / f'{name}.xml')
+def _case(name, change=str):
+    text = change(robot_file.text_of(config_files.directory() / 'machines' / f'{name}.xml'))
     values = default_values({'robot_description': text})
     robot = described(text)
     given = {key: values[f'robot.{key}'] for key in robot.Parameters._fields}

@@ -5,6 +5,8 @@ import numpy as np
 import pytest
 from reading import Evaluated, InMujoco, made, read
 
+from parallel_robot.cli.command_line import main
+from parallel_robot_model.configuration import config_files
 from parallel_robot_model.mechanisms.description import mjcf_fields
 from parallel_robot_model.mechanisms.description.parts import BALL, SLIDE
 
@@ -224,3 +226,15 @@ def test_springs_that_yield_and_bodies_that_mocap_moves_are_told():
         '</worldbody>', '<body name="ghost" mocap="true"><geom size="1"/></body></worldbody>'
     )
     assert 'bodies that mocap moves stand still: ghost' in read(text).doubts
+
+
+def test_travel_of_a_passive_joint_ends_a_motion(tmp_path, capsys):
+    text = config_files.machine_path('five_bar').read_text(encoding='utf-8')
+    narrow = '<joint name="left_elbow" range="-1.2 -1.0" limited="true"/>'
+    file = tmp_path / 'narrow.xml'
+    file.write_text(text.replace('<joint name="left_elbow"/>', narrow), encoding='utf-8')
+    assert main(['simulate', str(file), '--out', str(tmp_path / 'out')]) == 2
+    told = capsys.readouterr().err
+    assert (
+        'end of travel of a passive joint or a tendon' in told and not (tmp_path / 'out').exists()
+    )
