@@ -19,6 +19,7 @@ from parallel_robot_model.common.units import Array
 
 FEWEST = 64  # runs of which a rank correlation is computed
 ALIKE = 1e-4  # of the largest error, a spread of errors that is none
+SOME = 10  # runs, from which on it is told that parameters go together
 TOGETHER = 0.6  # rank correlation of two parameters whose effects cannot be told apart
 LEVEL = 0.95  # of all intervals
 RESAMPLES = 999
@@ -202,7 +203,7 @@ def together(parameters: Mapping[str, Array]) -> str:
     from scipy.stats import rankdata  # slow to import
 
     varied = [name for name, numbers in parameters.items() if np.ptp(numbers)]
-    if len(varied) < 2:
+    if len(varied) < 2 or len(parameters[varied[0]]) < SOME:
         return ''
     ranks = np.corrcoef(rankdata([parameters[name] for name in varied], axis=1))
     np.fill_diagonal(ranks, 0.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import statistics
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
@@ -142,10 +142,10 @@ def value(uncertainty: Uncertainty, nominal: Any, points: Sequence[float]) -> An
         values = uncertainty.given['values']
         return values[int(points[0] * len(values))]
     if not isinstance(nominal, list):
-        return _number(uncertainty.given, uncertainty.distribution, nominal, points[0])
+        return _number(uncertainty, nominal, points[0])
     each = [points[0]] * len(nominal) if uncertainty.common else points
     return [
-        _number(of_entry(uncertainty.given, k), uncertainty.distribution, *pair)
+        _number(replace(uncertainty, given=of_entry(uncertainty.given, k)), *pair)
         for k, pair in enumerate(zip(nominal, each, strict=True))
     ]
 
@@ -190,9 +190,10 @@ def is_numeric(uncertainty: Uncertainty) -> bool:
     return all(type(value) in (int, float) for value in uncertainty.given.get('values', ()))
 
 
-def _number(given: Mapping[str, Any], distribution: str, nominal: float, point: float) -> float:
+def _number(uncertainty: Uncertainty, nominal: float, point: float) -> float:
     """One number at a point in [0, 1)."""
-    if distribution == 'normal':
+    given = uncertainty.given
+    if uncertainty.distribution == 'normal':
         mean = given.get('mean', float(nominal))
         std = given['std'] if 'std' in given else given['relative'] * abs(nominal)
         inside = min(max(point, SMALLEST), 1.0 - SMALLEST)
@@ -203,6 +204,6 @@ def _number(given: Mapping[str, Any], distribution: str, nominal: float, point: 
         low, high = (nominal * factor for factor in given['factor'])
     else:
         low, high = given['low'], given['high']
-    if distribution == 'log_uniform':
+    if uncertainty.distribution == 'log_uniform':
         return float(low * (high / low) ** point) if low else 0.0
     return float(low + (high - low) * point)
