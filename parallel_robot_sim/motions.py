@@ -15,6 +15,7 @@ from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointU
 from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.robots import poses as forward
+from parallel_robot_model.robots.contract import PLACE
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course
@@ -45,6 +46,7 @@ class Poses(NamedTuple):
     units: JointUnits = HINGES  # units of the joints of the robot
     # components of a rotation vector that follow a place in space, 0 to 2
     turns: tuple[int, ...] = ()
+    axes: tuple[str, ...] = PLACE  # along which the coordinates of the place are, and more
 
     @property
     def in_space(self) -> bool:
@@ -163,7 +165,8 @@ def poses_of(
     wanted = forward.poses_of(desired, reference, guess, first=first)
     near = wanted[0] if near is None else near
     found = forward.poses_of(actual, position, near, first=first)
-    return Poses(found, wanted, desired.place, desired.joint_units, desired.turns)
+    own = desired.place, desired.joint_units, desired.turns, desired.axes
+    return Poses(found, wanted, *own)
 
 
 def of_simulation(made: Simulation) -> Motions:

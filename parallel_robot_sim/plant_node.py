@@ -45,7 +45,7 @@ class RobotMarkers:
 
     def __init__(self, robot: RobotModel) -> None:
         """Prepare for one robot, whose pose must be a place."""
-        self._robot, self._place = robot, robot.place
+        self._robot, self._axes = robot, robot.axes
         self._path: deque[Point] = deque(maxlen=500)  # 10 s at 50 Hz
 
     def build(self, stamp: int, pose: np.ndarray, position: np.ndarray) -> MarkerArray:
@@ -57,17 +57,24 @@ class RobotMarkers:
             position: Actuated joints [rad], shape (n,).
         """
         segments = self._robot.module.segments(self._robot.parameters, pose, position)
-        self._path.append(_point(pose[: self._place]))
+        self._path.append(self._point(pose))
         time = Time(sec=stamp // NANOSECONDS, nanosec=stamp % NANOSECONDS)
         markers = [
             _marker(
-                time, part, Marker.LINE_LIST, WIDTH, map(_point, ends.reshape(-1, self._place))
+                time,
+                part,
+                Marker.LINE_LIST,
+                WIDTH,
+                map(self._point, ends.reshape(-1, len(self._axes))),
             )
             for part, ends in segments.items()
         ]
         markers.append(_marker(time, 'path', Marker.LINE_STRIP, 0.3 * WIDTH, self._path))
         markers[-1].color = PATH
         return MarkerArray(markers=markers)
+
+    def _point(self, place: np.ndarray) -> Point:
+        return Point(**dict(zip(self._axes, map(float, place), strict=False)))
 
 
 def _marker(time: Time, part: str, kind: int, width: float, points: Iterable[Point]) -> Marker:
@@ -79,10 +86,6 @@ def _marker(time: Time, part: str, kind: int, width: float, points: Iterable[Poi
     marker.scale.x = width
     marker.pose.orientation.w = 1.0
     return marker
-
-
-def _point(place: np.ndarray) -> Point:
-    return Point(**dict(zip('xyz', map(float, place), strict=False)))
 
 
 STALLED = NANOSECONDS // 50  # ns, lateness of a state above which it is not sent

@@ -50,7 +50,7 @@ def test_a_command_tells_it_once_beside_its_results(odd, capsys):
 def test_robot_has_them_all_in_its_results(odd, capsys):
     assert main(['robot', str(odd)]) == 0
     shown = capsys.readouterr()
-    assert shown.err == '' and shown.out.count('note: ') == 7 and 'robot.tool' in shown.out
+    assert shown.err == '' and shown.out.count('note: ') == 8 and 'robot.tool' in shown.out
 
 
 def test_what_changes_nothing_is_no_warning(odd, capsys):

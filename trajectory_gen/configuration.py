@@ -131,7 +131,7 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
     own = columns == tuple(axis.name for axis in axes)
     plane = columns in (points.PLANE, points.PLANE[:2])
     other = points.is_joint(columns[0]) or columns[-1] == points.QUATERNION[-1]
-    if own or other or (plane and (robot.planar or len(columns) != len(axes))):
+    if own or other or (plane and (robot.axes == ('x', 'y') or len(columns) != len(axes))):
         return  # or it is told elsewhere
     names = ', '.join(f'{axis.name} [{axis.unit}]' for axis in axes)
     kind = 'a place in a plane' if plane else 'of another robot'

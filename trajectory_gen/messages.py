@@ -26,7 +26,10 @@ def pose_fields(robot: RobotModel, poses: np.ndarray) -> dict[str, Any]:
         return dict(zip(names, (*poses[:, :3].T, *turned.T), strict=True))
     angle = poses[:, 2] if poses.shape[1] > 2 else np.zeros(len(poses))
     half = 0.5 * np.asarray(angle)  # a vector would have machine code of its own
-    return {'x': poses[:, 0], 'y': poses[:, 1], 'qz': sine(half), 'qw': cosine(half)}
+    first, second = robot.axes
+    (normal,) = {*'xyz'} - {first, second}
+    place = {first: poses[:, 0], second: poses[:, 1]}
+    return {**place, f'q{normal}': sine(half), 'qw': cosine(half)}
 
 
 def pose_messages(robot: RobotModel, stamps: Any, poses: np.ndarray) -> np.ndarray:

@@ -24,7 +24,6 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
 from parallel_robot_model.robots.link import frames as link_frames
-from parallel_robot_model.robots.link import in_space
 from parallel_robot_sim.motions import Left, differs
 
 REFERENCE = 'reference'
@@ -136,7 +135,7 @@ class Frames:
                 frame_locked=False,
                 points=[
                     self._message('geometry_msgs/msg/Point', x=x, y=y, z=z)
-                    for x, y, z in map(in_space, points.tolist())
+                    for x, y, z in points.tolist()
                 ],
                 colors=[],
                 texture_resource='',
@@ -158,7 +157,7 @@ class Frames:
         return self._message(MARKERS.type, markers=markers)
 
     def _tracks(self) -> list[np.ndarray]:
-        """Points of both paths [m], each shape (N, 2 or 3), up to a state without a pose."""
+        """Points of both paths [m], each shape (N, 3), up to a state without a pose."""
         every, left, found = max(1, -(-self._states // ALL)), None, []
         for log in self._windows():
             if not log.referenced.any() and left is not None:
@@ -173,7 +172,10 @@ class Frames:
                 return []
             done = left.samples if left else 0
             rows = slice(-done % every, None, every)
-            found.append([path[rows, : poses.place] for path in (poses.reference, poses.actual)])
+            tracks = np.stack([poses.reference, poses.actual])[:, rows, : poses.place]
+            points = np.zeros((*tracks.shape[:2], 3))
+            points[..., ['xyz'.index(axis) for axis in poses.axes[: poses.place]]] = tracks
+            found.append([*points])
             left = Left(poses.actual[-1], poses.reference[-1], done + len(poses.actual))
             if cut:
                 break

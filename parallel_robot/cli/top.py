@@ -82,7 +82,7 @@ def screen(robots: Robots, shown: str, domain: str, now: float, width: int) -> G
     if angles:
         rate = ' or '.join(f'{unit}/s' for unit in robot.unit.split(' or '))
         parts.append(framed(f'joints ({robot.unit}, {rate})', joints(angles)))
-    if robot.planar:
+    if robot.placed:
         parts.append(framed('end-effector error', error(robot, width - 4)))
     return Group(*parts)
 

@@ -75,6 +75,7 @@ class Point(NamedTuple):
     stamp: int
     x: float
     y: float
+    z: float = 0.0
 
 
 class Robot:
@@ -87,8 +88,7 @@ class Robot:
         # law: the active law; empty while it is not known; fault: text of the fault,
         # 'none', or empty; limits: the limits that acted, 'none', or empty
         self.law = self.fault = self.limits = ''
-        # whether poses were ever heard: only robots that move in a plane publish them
-        self.planar = False
+        self.placed = False  # whether poses were ever heard: only robots with a place publish them
         # error of the end effector between the last two looks; None when there were no poses
         self.error: EffectorError | None = None
         # root mean squares of earlier looks [m], the newest last; NaN without poses
@@ -137,14 +137,14 @@ class Robot:
             printable(values.get(key, '')) for key in ('law', 'fault', 'limits that acted')
         )
 
-    def pose(self, stamp: int, x: float, y: float) -> None:
+    def pose(self, stamp: int, *place: float) -> None:
         """Take the position of the end effector [m] at a stamp [ns]."""
-        self.planar = True
-        _append(self._poses, Point(stamp, x, y))
+        self.placed = True
+        _append(self._poses, Point(stamp, *place))
 
-    def pose_reference(self, stamp: int, x: float, y: float) -> None:
+    def pose_reference(self, stamp: int, *place: float) -> None:
         """Take the desired position of the end effector [m] at a stamp [ns]."""
-        _append(self._references, Point(stamp, x, y))
+        _append(self._references, Point(stamp, *place))
 
     def take_joints(self, now: float, joints: tuple[JointAngle, ...]) -> None:
         """Take the joints that a message tells; time in s."""
@@ -173,15 +173,15 @@ class Robot:
         start, end = self._references[0].stamp, self._references[-1].stamp
         poses = [self._poses.popleft() for pose in [*self._poses] if pose.stamp <= end]
         known, asked = (
-            np.array([(p.stamp - start, p.x, p.y) for p in points], float).reshape(-1, 3).T
+            np.array([(p[0] - start, *p[1:]) for p in points], float).reshape(-1, 4).T
             for points in (self._references, poses)
         )
         newest = np.searchsorted(known[0], asked[0], side='right') - 1
         later = np.minimum(newest + 1, len(known[0]) - 1)
         used = (newest >= 0) & (known[0][later] - known[0][newest] <= GAP)
         path = (np.interp(asked[0], known[0], row) for row in known[1:])
-        x, y = (row - desired for row, desired in zip(asked[1:], path, strict=True))
-        errors = np.hypot(x, y)
+        apart = [row - desired for row, desired in zip(asked[1:], path, strict=True)]
+        errors = np.linalg.norm(apart, axis=0)
         return errors[used & np.isfinite(errors)]
 
 

@@ -183,12 +183,12 @@ class RosGraph:
     def _keep_state(self, data: bytes) -> None:
         self._state = data
 
-    def _on_pose(self, take: Callable[[Robot, int, float, float], None], data: bytes) -> None:
+    def _on_pose(self, take: Callable[..., None], data: bytes) -> None:
         records = self._pose.decode(data)
         if records is not None:
             stamp = int(cdr.stamps_of(records)[0])
             robot = self._robots[self._namespace]
-            take(robot, stamp, float(records['x'][0]), float(records['y'][0]))
+            take(robot, stamp, *(float(records[axis][0]) for axis in 'xyz'))
 
 
 def _statuses(data: bytes) -> list[Any]:

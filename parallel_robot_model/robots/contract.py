@@ -251,9 +251,9 @@ class Robot(Protocol):
         FAULTS: Faults of this robot by number, 1 to 9.
         PARTS: Names of what one joint moves and of the whole, e.g. ``('leg', 'platform')``.
         PLANAR: Whether its pose begins with x and y [m] in a plane and perhaps the angle phi
-            [rad], so that it can be shown and its error is a distance. A pose that begins with
-            x, y, z [m] is one in space; rx, ry, rz [rad] after them are components of its
-            rotation vector.
+            [rad], or with x, z or y, z and the angle about the third axis, so that it can be
+            shown and its error is a distance. A pose that begins with x, y, z [m] is one in
+            space; rx, ry, rz [rad] after them are components of its rotation vector.
     """
 
     Parameters: Any

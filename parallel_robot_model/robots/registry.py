@@ -36,6 +36,7 @@ from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.robots import axes, planar_3rrr, serial_2r
 from parallel_robot_model.robots.contract import (
+    PLACE,
     Estimate,
     JointMotion,
     Location,
@@ -88,6 +89,13 @@ class RobotModel(NamedTuple):
     def place(self) -> int:
         """Number of the first coordinates of its pose that are the place of its end effector."""
         return place_of(self.module.coordinates(self.parameters), self.planar)
+
+    @property
+    def axes(self) -> tuple[str, ...]:
+        """Axes along which its place is told, such as x and z; none without a place."""
+        coordinates = self.module.coordinates(self.parameters)[: self.place]
+        names = tuple(axis.name for axis in coordinates)
+        return names if {*names} <= {*PLACE} else PLACE[: self.place]
 
     @property
     def joint_units(self) -> JointUnits:

@@ -79,15 +79,16 @@ def charts(runs: Sequence[Run]) -> list[Chart]:
         errors = [*_errors_in_space(runs), *errors]
         path = _views(runs)
     else:
-        errors = [_path_error(runs, 4, 0, 'x'), _path_error(runs, 5, 1, 'y'), *errors]
+        x, y = runs[0].motion.poses.axes[:2]
+        errors = [_path_error(runs, 4, 0, x), _path_error(runs, 5, 1, y), *errors]
         path = _path(runs)
     return [path, *(_marked(chart, runs) for chart in errors), _torques(runs)]
 
 
 def place_of(runs: Sequence[Run]) -> int:
     """Number of the coordinates of a place that the poses of all runs have; 0 if they differ."""
-    found = {run.motion.poses.place for run in runs}
-    return found.pop() if len(found) == 1 else 0
+    found = {run.motion.poses.axes[: run.motion.poses.place] for run in runs}
+    return len(found.pop()) if len(found) == 1 else 0
 
 
 def _marked(chart: Chart, runs: Sequence[Run]) -> Chart:
@@ -104,12 +105,12 @@ def joint_error(run: Run) -> np.ndarray:
 def _path(runs: Sequence[Run]) -> Chart:
     starts = np.unique([1e3 * run.motion.poses.actual[0, :2] for run in runs], axis=0)
     start = Curve('start', 'start', *starts.T)
-    whole = [*_tracks(runs, np.inf), start]
-    panels = [Panel('', 'y', 'mm', whole, dashed=False)]
+    whole, (x, y) = [*_tracks(runs, np.inf), start], runs[0].motion.poses.axes[:2]
+    panels = [Panel('', y, 'mm', whole, dashed=False)]
     if min(run.motion.time[-1] for run in runs) > 2.0 * FIRST:
-        panels.append(Panel('first second', 'y', 'mm', [*_tracks(runs, FIRST), start]))
+        panels.append(Panel('first second', y, 'mm', [*_tracks(runs, FIRST), start]))
     widths = (1.0,) * len(panels)
-    return Chart(_number(runs), 'path', PATH, '', 'x [mm]', panels, widths, equal=True)
+    return Chart(_number(runs), 'path', PATH, '', f'{x} [mm]', panels, widths, equal=True)
 
 
 def _views(runs: Sequence[Run]) -> Chart:

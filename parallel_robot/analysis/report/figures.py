@@ -128,7 +128,7 @@ def figure_of_run(
     elif pose.place:
         _draw_paths(path, [track or pose], looks, 'end effector')
         offset = (pose.reference - pose.actual)[:, :2]
-        curves = _curves(motion.time, 1e6 * offset, looks, ['x', 'y'])
+        curves = _curves(motion.time, 1e6 * offset, looks, [*pose.axes])
         _draw_errors(first, curves, 'µm', scale, 'End-effector error')
     else:
         curves = _curves(motion.time, 1e6 * synchronisation_error(error), looks, names)
@@ -159,7 +159,8 @@ def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) 
     poses = [motion.poses for motion in motions]
     units = all_of(pose.units for pose in poses)
     small = units.of('µrad')
-    place = poses[0].place if len({pose.place for pose in poses}) == 1 else 0
+    same = len({pose.axes[: pose.place] for pose in poses}) == 1
+    place = poses[0].place if same else 0
     turns = bool(place) and all(pose.turns for pose in poses)
     title = ', '.join(dict.fromkeys(label(run.scenario) for run in named))
     figure, path, (first, *turn, joints, torque) = panels(title, place, fitted=True, turns=turns)
@@ -339,7 +340,8 @@ def _draw_paths(
         axes.plot(*(1e3 * pose.actual[:, :2].T), **{**look, 'lw': 1.2}, label=name)
     starts = np.unique([1e3 * pose.actual[0, :2] for pose in poses], axis=0)
     axes.plot(*starts.T, 'o', color=COLOURS[1], label='start')
-    axes.set(xlabel='x [mm]', ylabel='y [mm]', title='Path', aspect='equal')
+    x, y = (f'{axis} [mm]' for axis in poses[0].axes[:2])
+    axes.set(xlabel=x, ylabel=y, title='Path', aspect='equal')
     axes.margins(0.12)
     axes.legend(loc='upper right')
 

@@ -90,7 +90,8 @@ def _draw_in_plane(path: Any, robot: RobotModel, reference: Reference) -> None:
             path.plot(*(1e3 * ends).T, **look)
     path.plot(x, y, color=COLOURS[0], lw=1.6, label='path')
     path.plot(x[0], y[0], 'o', color=COLOURS[1], label='start')
-    path.set(xlabel='x [mm]', ylabel='y [mm]', title='Path and robot', aspect='equal')
+    across, up = (f'{axis} [mm]' for axis in robot.axes)
+    path.set(xlabel=across, ylabel=up, title='Path and robot', aspect='equal')
     path.legend(loc='upper right')
 
 

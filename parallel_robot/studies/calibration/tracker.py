@@ -48,10 +48,10 @@ class Tracker:
         self.units = tuple(axes[k].unit for k in columns)  # their units
         self._free = [each for each in FREE if each in free]
         self._space = tuple(names) in (PLACE, PLACE + TURNS)
-        if self._free and not (robot.planar or self._space):
+        if self._free and not (robot.axes == PLACE[:2] or self._space):
             raise InputError(
-                f'--free {self._free[0]} is for robots that move in a plane, or in space with no '
-                f'or three rotations; the pose of {robot.name} is {", ".join(names)}'
+                f'--free {self._free[0]} is for robots that move in a plane, x-y, or in space '
+                f'with no or three rotations; the pose of {robot.name} is {", ".join(names)}'
             )
         self._turns = 'phi' in names[2:3] or (self._space and len(names) > len(PLACE))
         if TARGET in self._free and not self._turns:

@@ -147,7 +147,11 @@ def named(description: Description, tree: Tree, name: str) -> Tool:
     return Tool(name, tree.on_link(description.frames[name]))
 
 
-def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], ...]]:
+# two axes, and the rotation about their normal
+NORMALS: dict[tuple[int, ...], int] = {(0, 1): 5, (0, 2): 4, (1, 2): 3}
+
+
+def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], ...], bool]:
     """The coordinates that describe where the tool is, where there are as many as freedoms.
 
     Args:
@@ -156,7 +160,8 @@ def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], 
 
     Returns:
         Indices, 0 to 2 for x, y, z, 3 to 5 for the rotation, and names with units; both empty if
-        the tool does not have n independent motions.
+        the tool does not have n independent motions. Whether it moves in the plane of the first
+        two, which are lengths then.
     """
     size = float(np.linalg.norm(motion, 2)) if motion.size else 0.0
     count = motion.shape[1]
@@ -167,12 +172,15 @@ def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], 
                 chosen.append(i)
         if len(chosen) == count:
             chosen.sort()
-            plane = chosen == [0, 1, 5] and np.abs(motion[2:5]).max() < APART[1] * size
-            names = ('x', 'y', 'phi') if plane else tuple(NAMES[i] for i in chosen)
-            return tuple(chosen), tuple(
-                (name, UNITS[i]) for name, i in zip(names, chosen, strict=True)
-            )
-    return (), ()
+            axes = *chosen[:2], NORMALS.get(tuple(chosen[:2]), -1)
+            beside = np.abs(np.delete(motion, axes, axis=0)).max()
+            plane = tuple(chosen) in (axes[:2], axes) and beside < APART[1] * size
+            level = plane and axes[:2] == (0, 1)
+            names = ['phi' if level and i == 5 else NAMES[i] for i in chosen]
+            units = (UNITS[i] for i in chosen)
+            planar = bool(plane) or chosen == [0, 1]
+            return tuple(chosen), tuple(zip(names, units, strict=True)), planar
+    return (), (), False
 
 
 def _distance(row: Array, rows: Array) -> float:

@@ -241,6 +241,11 @@ JOINTS_AS_POSE = (
     'is these joints'
 )
 
+NO_PLACE = (
+    'the tool moves neither in a plane of two axes nor along all three at home: it has no place, '
+    'so no circle, workspace or end-effector error'
+)
+
 
 class Machine(NamedTuple):
     """A mechanism and what people call its parts."""
@@ -264,6 +269,7 @@ class Machine(NamedTuple):
     tool: str  # name of the frame that is controlled
     # names and units of the m coordinates of the tool; empty: the pose is the actuated joints
     coordinates: tuple[tuple[str, str], ...]
+    planar: bool  # whether the tool moves in the plane of the first two of them
     home_moved: float  # by how much the loops were open at the home that was asked for [m]
     doubts: tuple[str, ...]  # what is left out of the file, or is doubtful in it, one line each
     remarks: tuple[str, ...]  # what else was decided, one line each
@@ -330,7 +336,7 @@ def machine(
     inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
     _check_driven(description.source, parts, freedoms, stopped, inertia)
     _check_felt(description, parts, freedoms, inertia)
-    chosen, coordinates = coordinates_of(motion @ followed(closures, freedoms))
+    chosen, coordinates, planar = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
     joints = [links[i].joint for i in freedoms.actuated]
     times = [_times(description, joint.name) for joint in joints]
@@ -352,6 +358,7 @@ def machine(
         velocity=tuple(joint.velocity for joint in joints),
         tool=found.name,
         coordinates=coordinates,
+        planar=planar,
         home_moved=start.distance(start.home),
         doubts=(
             *description.doubts,
@@ -362,6 +369,7 @@ def machine(
         remarks=(
             *([] if tool else [NO_TOOL.format(printable(found.name))]),
             *([] if coordinates else [JOINTS_AS_POSE]),
+            *([] if planar or chosen[:3] == (0, 1, 2) else [NO_PLACE]),
             *idle(parts, freedoms, stopped),
         ),
     )

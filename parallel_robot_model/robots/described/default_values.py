@@ -123,11 +123,10 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
 
 def figures(made: Machine, pose: Array) -> dict[str, dict[str, Any]]:
     """Figures near home of a machine whose tool moves in a plane or in space."""
-    names = [name for name, _ in made.coordinates]
-    if names[:2] != ['x', 'y'] or names[2:3] not in ([], ['phi'], ['z']):
+    planar = made.planar
+    if not (planar or [name for name, _ in made.coordinates[:3]] == ['x', 'y', 'z']):
         return {}
     size = round(0.5 * WIDE * made.mechanism.length, 3)
-    planar = names[2:3] != ['z']
     shown = pose[:2] if planar else pose
     phi = {'phi': float(pose[2]) if len(pose) > len('xy') and planar else 0.0}
     center, end = shown.copy(), shown.copy()

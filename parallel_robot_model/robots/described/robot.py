@@ -154,9 +154,8 @@ class DescribedRobot:
         return tuple(Coordinate(*each) for each in coordinates_of(self.machine(robot)))
 
     def planar(self, robot: Parameters) -> bool:
-        """Whether the tool moves in the plane of x and y."""
-        names = [axis.name for axis in self.coordinates(robot)]
-        return names in (['x', 'y'], ['x', 'y', 'phi'])
+        """Whether the tool moves in a plane of two of x, y and z."""
+        return self.machine(robot).planar
 
     def doubts(self, robot: Parameters) -> tuple[str, ...]:
         """What its file says and what is left out of it, or is doubtful, a line each."""
@@ -313,7 +312,8 @@ class DescribedRobot:
             return {}
         mechanism = self.placed(robot)
         rows = np.reshape(position, (-1, position.shape[-1]))
-        ends = drawn(mechanism, positions_of(mechanism, rows)[0])[..., :place]
+        ends = drawn(mechanism, positions_of(mechanism, rows)[0])
+        ends = ends[..., mechanism.coordinate[:place]]
         return {LINES: ends.reshape(*position.shape[:-1], *ends.shape[1:])}
 
 
