@@ -9,6 +9,7 @@ import parallel_robot
 from parallel_robot.analysis.reach import plane_of_motion, region_of
 from parallel_robot.analysis.report.planned import figure_of_motion
 from parallel_robot_control.configuration import resolve
+from parallel_robot_model.mechanisms.description.assembly import coordinates
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.plant_node import RobotMarkers
@@ -119,3 +120,17 @@ def test_its_pictures_name_its_axes(pair):
     figure = figure_of_motion(configure(resolve(str(pair[1]))))
     path = next(axes for axes in figure.axes if axes.get_title() == 'Path and robot')
     assert (path.get_xlabel(), path.get_ylabel()) == (f'{across} [mm]', f'{up} [mm]')
+
+
+@pytest.mark.parametrize(
+    ('motion', 'names'),
+    [
+        ([(0, 1, 0, 0, 0, 1), (0, 0.5, 0, 0, 0, 1)], ['y', 'rz']),  # an arm that is stretched
+        ([(0, 1, 0, 0, 0, 1), (0, 0, 1, 0, 1, 0)], ['y', 'z']),  # pan and tilt
+        ([(0.7, 0.7, 1, -0.7, 0.7, 0), (0.1, 0.1, 0.5, -0.7, 0.7, 0)], ['x', 'z']),  # between
+        ([(1, 0, 0, 0, 0, 0)], ['x']),
+    ],
+)
+def test_a_motion_beside_the_plane_of_two_axes_is_in_none(motion, names):
+    _, found, planar = coordinates(np.transpose(motion).astype(float))
+    assert [name for name, _ in found] == names and not planar

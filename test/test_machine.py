@@ -273,7 +273,11 @@ def stretched(limit='', more=''):
 
 
 def test_the_tool_is_what_is_fixed_to_the_end():
-    assert made(stretched()).tool == 'lamp'
+    arm = made(stretched())
+    assert (
+        arm.tool == 'lamp' and not arm.planar and any('no place' in line for line in arm.remarks)
+    )
+    assert [name for name, _ in arm.coordinates] == ['z', 'ry']
     more = '<link name="e"/>' + joint('nail', 'fore', 'e', 'fixed', xyz='0.1 0 0')
     assert made(stretched(more=more)).tool == 'fore'
     assert made(stretched(more=more.replace('"e"', '"left_fingertip"'))).tool == 'left_fingertip'

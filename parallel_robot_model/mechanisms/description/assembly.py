@@ -172,13 +172,15 @@ def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], 
                 chosen.append(i)
         if len(chosen) == count:
             chosen.sort()
-            axes = *chosen[:2], NORMALS.get(tuple(chosen[:2]), -1)
+            pair = tuple(chosen[:2])
+            axes = *pair, NORMALS.get(pair, -1)
             beside = np.abs(np.delete(motion, axes, axis=0)).max()
-            plane = tuple(chosen) in (axes[:2], axes) and beside < APART[1] * size
-            level = plane and axes[:2] == (0, 1)
+            plane = pair in NORMALS and [*axes[: len(chosen)]] == chosen
+            plane = plane and bool(beside < APART[1] * size)
+            level = plane and pair == (0, 1)
             names = ['phi' if level and i == 5 else NAMES[i] for i in chosen]
             units = (UNITS[i] for i in chosen)
-            planar = bool(plane) or chosen == [0, 1]
+            planar = plane or chosen == [0, 1]
             return tuple(chosen), tuple(zip(names, units, strict=True)), planar
     return (), (), False
 
