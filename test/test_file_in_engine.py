@@ -85,6 +85,10 @@ def test_loops_that_are_not_those_of_the_file_are_found(tmp_path):
     moved = five_bar().replace('name="a" pos="0.3 0 0"', 'name="a" pos="0.3001 0 0"')
     found = differing(compare(robot, written(tmp_path, moved, 'moved.xml'))[1])
     assert 5e-5 < found['loops'].there < 1e-4
+    ended = five_bar().replace('name="left_elbow"', 'name="left_elbow" range="-9 99"')
+    found = differing(compare(robot, written(tmp_path, ended, 'ended.xml'))[1])
+    assert {each.where for each in found.values()} == {'left_elbow'}
+    assert found['greatest travel'].there == pytest.approx(math.radians(99.0))
     open_chain = re.sub('<equality>.*</equality>', '', five_bar())
     found = differing(compare(robot, written(tmp_path, open_chain, 'open.xml'))[1])
     assert found['idle motions'].there == 2

@@ -22,7 +22,7 @@ from parallel_robot_model.mechanisms.description.machine import Machine, parsed
 from parallel_robot_model.mechanisms.description.parts import Frame, null_space
 from parallel_robot_model.mechanisms.description.tree import Tree, build, place
 from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.registry import RobotModel
 
@@ -165,16 +165,27 @@ def _largest(what: str, made: Machine, here: Array, there: Array, least: float =
 
 
 def _limits(made: Machine, engine: Any) -> Iterator[Compared]:
-    """Ends of travel and greatest efforts of the actuated joints."""
+    """Ends of travel of joints, greatest efforts and rates of the actuated ones."""
     whats = 'least travel', 'greatest travel', 'least effort', 'greatest effort', 'greatest rate'
     known = made.lower, made.upper, made.least_effort, made.effort, made.velocity
-    there = zip(*map(engine.limits, made.actuated), strict=True)
-    for what, ours, theirs in zip(whats, known, there, strict=False):  # MJCF has no rates
-        for joint, unit, *both in zip(made.actuated, made.units, ours, theirs, strict=True):
-            of_effort = 'N m' if unit == 'rad' else 'N'
-            size = max((abs(x) for x in both if np.isfinite(x)), default=1.0) or 1.0
-            chosen = of_effort if 'effort' in what else unit
-            yield Compared(what, printable(joint), chosen, float(both[0]), float(both[1]), size)
+    here: dict[str, tuple[float, ...]] = dict(
+        zip(made.actuated, zip(*known, strict=True), strict=True)
+    )
+    acting = made.mechanism.elements
+    for i in made.mechanism.passive:
+        alone = (acting.ratio[:, i] != 0.0) & (np.count_nonzero(acting.ratio, axis=1) == 1)
+        ends = acting.travel[alone]
+        here[made.names[i]] = ends[:, 0].max(initial=-np.inf), ends[:, 1].min(initial=np.inf)
+    kinds = dict(zip(made.names, made.mechanism.kind, strict=True))
+    for joint, ours in here.items():
+        if joint not in engine.joints:  # a hinge of a ball, a slide of a free body
+            continue
+        slides = int(kinds[joint] == SLIDE)
+        for what, one, other in zip(whats, ours, engine.limits(joint), strict=False):
+            units = ('N m', 'N') if 'effort' in what else ('rad', 'm')
+            size = max((abs(x) for x in (one, other) if np.isfinite(x)), default=1.0) or 1.0
+            name = printable(joint)
+            yield Compared(what, name, units[slides], float(one), float(other), size)
 
 
 # MuJoCo, which compiles a file from its path, and its numbers of kinds.
@@ -182,6 +193,7 @@ def _limits(made: Machine, engine: Any) -> Iterator[Compared]:
 FREE, BALL = 0, 1  # of joints
 EQUALITY, FRICTION = 0, (1, 2)  # of constraints
 TO_JOINTS = 0, 1  # of transmissions
+INTEGRATOR = 1  # of activations
 STRONG, UNLIMITED = 1e9, 1e6  # a command that every limit cuts, and what none has cut
 
 
@@ -194,13 +206,15 @@ class _Mujoco:
         try:
             self._model = self._mujoco.MjModel.from_xml_path(str(path))
         except (ValueError, self._mujoco.FatalError) as error:
-            raise InputError(f'MuJoCo does not take it: {printable(str(error))}') from None
+            raise InputError(
+                f'MuJoCo does not take it: {printable(" ".join(str(error).split()))}'
+            ) from None
         self._model.opt.jacobian = self._mujoco.mjtJacobian.mjJAC_DENSE
         self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_CONTACT
         if hasattr(self._model, 'actuator_delay'):
             self._model.actuator_delay[:] = 0.0
         self._data = self._mujoco.MjData(self._model)
-        self._joints = [self._model.joint(j).name or f'joint_{j}' for j in range(self._model.njnt)]
+        self.joints = [self._model.joint(j).name or f'joint_{j}' for j in range(self._model.njnt)]
         self._efforts = self._strongest()
         self.inertia = np.zeros((self._model.nv, self._model.nv))
 
@@ -215,7 +229,7 @@ class _Mujoco:
         for j, kind in enumerate(model.jnt_type):
             at, dof, body = model.jnt_qposadr[j], model.jnt_dofadr[j], model.jnt_bodyid[j]
             if kind not in (FREE, BALL):
-                i = names.index(self._joints[j])
+                i = names.index(self.joints[j])
                 data.qpos[at], T[dof, i] = q[i], 1.0
                 continue
             ((turned, origin), (rate, turning)), before = _frame(tree, q, body), np.eye(3)
@@ -259,7 +273,7 @@ class _Mujoco:
 
     def limits(self, name: str) -> tuple[float, ...]:
         """Ends of travel, least and greatest effort of a joint."""
-        model, j = self._model, self._joints.index(name)
+        model, j = self._model, self.joints.index(name)
         off = model.opt.disableflags & self._mujoco.mjtDisableBit.mjDSBL_LIMIT
         travel = model.jnt_range[j] if model.jnt_limited[j] and not off else (-np.inf, np.inf)
         return *travel, *self._efforts[:, model.jnt_dofadr[j]]
@@ -285,7 +299,7 @@ class _Mujoco:
                 gain = model.actuator_gainprm[i, 0] * model.actuator_gear[i, 0]
                 command = data.ctrl[at] = sign * STRONG * np.sign(gain)
                 if (state := model.actuator_actadr[i]) >= 0:
-                    if model.actuator_ctrllimited[at]:
+                    if model.actuator_ctrllimited[at] and model.actuator_dyntype[i] != INTEGRATOR:
                         command = np.clip(command, *model.actuator_ctrlrange[at])
                     if model.actuator_actlimited[i]:
                         command = np.clip(command, *model.actuator_actrange[i])
@@ -315,9 +329,12 @@ class _Pinocchio:
         except ImportError:
             raise InputError('Pinocchio is not installed; pip install pin') from None
         except (ValueError, RuntimeError) as error:
-            raise InputError(f'Pinocchio does not take it: {printable(str(error))}') from None
+            raise InputError(
+                f'Pinocchio does not take it: {printable(" ".join(str(error).split()))}'
+            ) from None
         self.name = f'Pinocchio {self._pin.__version__}'
         self._data = self._model.createData()
+        self.joints = [*self._model.names][1:]
         if (np.array(self._model.nvs)[1:] != 1).any():
             raise InputError(f'{self.name}: joints of several freedoms are not compared')
 
@@ -329,7 +346,7 @@ class _Pinocchio:
         """Take a posture of the links; return the rates of its joints by theirs."""
         pin, model, data = self._pin, self._model, self._data
         names = [link.name for link in tree.links]
-        T = np.eye(len(q))[[names.index(name) for name in [*model.names][1:]]]
+        T = np.eye(len(q))[[names.index(name) for name in self.joints]]
         taken = pin.integrate(model, pin.neutral(model), T @ q)
         half = np.triu(pin.crba(model, data, taken))
         self.inertia = half + np.triu(half, 1).T
