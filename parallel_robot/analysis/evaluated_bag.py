@@ -26,7 +26,7 @@ from parallel_robot.bags.messages.message_arrays import LAST
 from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot.bags.run.run_log import RunLog, TopicCount
+from parallel_robot.bags.run.run_log import RunLog, TopicCount, with_acting_commands
 from parallel_robot.bags.run.run_windows import Stretch
 from parallel_robot_model.common.errors import (
     BagError,
@@ -154,7 +154,7 @@ def of_whole(
     """
     log, past, extra = found
     part_of = run_log.between(bag, log, *part)
-    timed = timing.evaluate(part_of, past)
+    timed = timing.evaluate(with_acting_commands(part_of), past)
     try:
         motions = recorded_motions.of_bag(log, past)
     except KinematicsError as error:

@@ -268,7 +268,7 @@ class Course:
         if len(chosen):
             inside = log if len(chosen) == len(log.time) else run_log.rows(log, chosen)
             self.alone.add(inside)
-            self.timing.add(inside)
+            self.timing.add(run_log.with_acting_commands(inside))
 
     def follow(self, part: Recorded) -> None:
         """Take the motion of a window."""

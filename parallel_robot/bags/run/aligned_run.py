@@ -9,11 +9,13 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.bags.bag_reader import AS_RECORDED, Bag, BagView
+from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
-from parallel_robot.bags.run import matching, run_messages
+from parallel_robot.bags.run import matching, run_messages, two_sources
 from parallel_robot.bags.run.matching import Answers, Used
 from parallel_robot.bags.run.run_log import RunLog, count, rows, within
-from parallel_robot.bags.run.run_messages import beyond, doubts, flipped, too_strong
+from parallel_robot.bags.run.run_messages import beyond, doubts, too_strong
+from parallel_robot.bags.run.two_sources import Contradiction
 from parallel_robot_control.joint_states import StateRhythm
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_model.common.errors import BagError
@@ -66,7 +68,6 @@ def aligned(
     told = [*_repeated(stamps), *doubts(bag, stamps[part], position[part], units)]
     if not known:  # units and signs of the suite are known
         told += beyond(position[part], units)
-        told += flipped(loop.joints, position[part], desired[0][part], units)
         if effort is not None:
             strongest = np.asarray(values.get('plant.torque_limit', np.inf), np.float64)
             told += too_strong(effort[part], strongest, units)
@@ -86,6 +87,15 @@ def aligned(
     answer, answers, in_use = _answers(
         stamps, states, references, commands, recorded, span == WHOLE
     )
+    apart = Contradiction(), Contradiction()
+    if found.metadata.get('source') != SIMULATION:  # whose units, signs and faults are known
+        period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+        about = (position[part], desired[0][part], period, units)
+        apart = two_sources.positions(loop.joints, *about), apart[1]
+        if effort is not None and np.isfinite(answer).any():
+            about = (effort[part], _commanded(answer)[part], period, units)
+            apart = apart[0], two_sources.efforts(loop.joints, *about)
+        warnings += [f'{bag}: {each.text}' for each in apart if each.text]
     states_period = loop.period_ns if loop.lockstep else rhythm.period
     run = RunLog(
         loop.scenario if known or view.assumes else 'unknown',
@@ -109,6 +119,7 @@ def aligned(
         tuple(warnings),
         referenced,
         not known,
+        *apart,
     )
     if span == WHOLE:
         return run

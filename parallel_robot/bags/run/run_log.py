@@ -12,6 +12,7 @@ import numpy as np
 
 from parallel_robot.bags.messages.message_arrays import WHOLE, Samples, Span
 from parallel_robot.bags.run.matching import Answers, Used
+from parallel_robot.bags.run.two_sources import Contradiction
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.common.units import JointUnits
@@ -125,6 +126,9 @@ class RunLog(NamedTuple):
     # whether the bag does not say of which robot it is: nothing is written into it that
     # nobody asked for
     foreign: bool = False
+    # how joints differ from their references, and efforts from the commands; in the warnings, too
+    joints_differ: Contradiction = Contradiction()
+    efforts_differ: Contradiction = Contradiction()
 
     @property
     def units(self) -> JointUnits:
@@ -145,6 +149,11 @@ class RunLog(NamedTuple):
     def kind(self) -> tuple[bool, bool, bool]:
         """Whether it has efforts, velocities, and the references that were used."""
         return self.has_efforts, self.has_velocities, self.used is not None
+
+
+def with_acting_commands(log: RunLog) -> RunLog:
+    """A run whose efforts, where they are no commands, do not tell which command acted."""
+    return log._replace(has_efforts=log.has_efforts and not log.efforts_differ.text)
 
 
 def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> RunLog:

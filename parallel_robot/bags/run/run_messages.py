@@ -82,7 +82,9 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
     if not others:
         names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
         names += f' and {len(channels) - FEW} others' if len(channels) > FEW else ''
-        needless = '; analyze, export and identify need none' if topic == topics.REFERENCE else ''
+        needless = '; analyze, export and identify need none, and simulate follows the joints '
+        needless += 'that export writes, as waypoints.file with waypoints.space=joints'
+        needless = needless if topic == topics.REFERENCE else ''
         return (
             f'{what}, nor on another topic of that type; it has {names or "no topics"}{needless}'
         )
@@ -107,8 +109,6 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
 GAP = 1.0  # s without states, in which a robot is not recorded
 LEAP = 0.1  # rad, to and back within two samples: not the motion of one robot
 BACK = 0.1  # of a leap, by which its ends may differ
-FLIPPED = 0.1  # of an error, below which that with the other sign tells of a wrong sign
-LEAST = 1e-3  # rad or m, of such an error
 ROUNDING = 1e-6  # of a limit, by which efforts may be beyond it
 
 
@@ -154,32 +154,6 @@ def beyond(position: np.ndarray, units: JointUnits = HINGES) -> list[str]:
     """
     far = beyond_a_turn(position, units)
     return [f'a joint reaches {far}'] if far else []
-
-
-def flipped(
-    joints: Sequence[str], position: np.ndarray, reference: np.ndarray, units: JointUnits = HINGES
-) -> list[str]:
-    """Which joints are where their references are but for the sign, one line each.
-
-    Args:
-        joints: Names of the joints.
-        position: Their positions [rad], shape (N, n).
-        reference: Desired positions [rad], NaN where there is none, shape (N, n).
-        units: Those of the joints.
-    """
-    known = np.isfinite(reference).all(axis=1)
-    if not known.any():
-        return []
-    error, other = (
-        np.sqrt(np.mean((reference[known] - sign * position[known]) ** 2, axis=0))
-        for sign in (1.0, -1.0)
-    )
-    return [
-        f'{joint} has an error of {error[k]:.3g} {units.one(k).of("rad")} rms, '
-        f'with the other sign {other[k]:.2g}: is its sign wrong?'
-        for k, joint in enumerate(joints)
-        if error[k] > LEAST and other[k] < FLIPPED * error[k]
-    ]
 
 
 def too_strong(effort: np.ndarray, limit: np.ndarray, units: JointUnits = HINGES) -> list[str]:
