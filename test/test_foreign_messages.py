@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from bags import JOINTS, MS, START, STORE, streams, write_foreign
+from mcap.writer import Writer
 
 from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError
@@ -143,3 +144,35 @@ def test_states_of_two_recorders_count_once(record):
     third = record([*whole(), other])
     assert not any('recorded twice' in line for line in third.warnings)
     assert any('repeat a stamp' in line for line in third.warnings)
+
+
+def write_commands(path, channels):
+    """A bag whose commands have these channels, each with its messages or without."""
+    with path.open('wb') as stream:
+        writer = Writer(stream)
+        writer.start('ros2')
+        for topic, messages in streams(MOTION, MOTION).items():
+            names = channels if topic == topics.COMMANDS else {f'/{topic.name}': True}
+            definition, _ = STORE.generate_msgdef(topic.type, ros_version=2)
+            schema = writer.register_schema(topic.type, 'ros2msg', definition.encode())
+            for name, full in names.items():
+                channel = writer.register_channel(name, 'cdr', schema)
+                for stamp, data in messages if full else ():
+                    writer.add_message(channel, stamp, data, stamp)
+        writer.finish()
+
+
+@pytest.mark.parametrize('read', [recording.read, lambda bag: next(recording.chunks(bag, 30.0))])
+def test_a_topic_with_and_without_a_slash_is_one_and_no_advice_names_it_where_it_is_empty(
+    read, tmp_path
+):
+    own = topics.COMMANDS.name
+    for first, second in ((f'/{own}', own), (own, f'/{own}')):
+        write_commands(tmp_path / 'bag.mcap', {first: False, second: True})
+        assert read(tmp_path / 'bag.mcap').log.messages[own].count == COUNT
+    write_commands(tmp_path / 'bag.mcap', {f'/{own}': False, f'/arm/{own}': True})
+    with pytest.raises(BagError, match=f'--topic commands=/arm/{own} takes it'):
+        read(tmp_path / 'bag.mcap')
+    write_commands(tmp_path / 'bag.mcap', {f'/{own}': False})
+    with pytest.raises(BagError, match=r'MultiArray\), without a message$'):
+        read(tmp_path / 'bag.mcap')

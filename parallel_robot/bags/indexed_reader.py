@@ -253,14 +253,15 @@ class BagReader:
         schemas = {r.id: r.name for r in records if isinstance(r, Schema)}
         topic_of: dict[int, str] = {}
         for channel in (r for r in records if isinstance(r, Channel)):
+            full = f'/{channel.topic.lstrip("/")}'  # channels with and without it are one topic
             type_name = schemas.get(channel.schema_id, '')
-            known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(channel.topic)
+            known = TYPE.fullmatch(type_name) and TOPIC.fullmatch(full)
             if not known or channel.message_encoding != 'cdr':
                 continue
-            topic_of[channel.id] = channel.topic
+            topic_of[channel.id] = full
             latched = _latched(channel.metadata.get('offered_qos_profiles', ''))
-            self.topics[channel.topic] = RecordedTopic(channel.topic, type_name, latched)
-            self.counts[channel.topic] += statistics.channel_message_counts.get(channel.id, 0)
+            self.topics[full] = RecordedTopic(full, type_name, latched)
+            self.counts[full] += statistics.channel_message_counts.get(channel.id, 0)
         self._names.append(topic_of)
         return chunks
 

@@ -96,9 +96,10 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
     )
     alike = [name for name, other in others if other in (topic.type, *INSTEAD.get(topic, ()))]
     strange = any(name in found.encodings for name, _ in others)
-    alike = [name for name in alike if name not in found.encodings]
+    alike = [name for name in alike if name not in found.encodings and name != f'/{topic.name}']
     if not alike:
         help_text = '; only messages as cdr, of ROS 2, are read' if strange else ''
+        help_text = help_text or ', without a message' * (f'/{topic.name}' in channels)
         return f'{what}; it has {shown}{help_text}'
     word = topic.name.rpartition('/')[2]
     return f'{what}; it has {shown}: --topic {word}={printable(alike[0], 60)} takes it'
