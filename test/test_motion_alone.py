@@ -107,7 +107,13 @@ def test_joint_states_alone_are_exported_analysed_and_shown(tmp_path, capsys):
     assert main(['analyze', bag]) == 0
     out = capsys.readouterr().out
     assert '300 states in 0.299 s, one in 1 ms: no reference' in out and '0.5000' in out
-    assert main(['analyze', bag, '--json', str(tmp_path / 'x.json')]) == 2
+    words = ['--json', str(tmp_path / 'x.json'), '--figure', str(tmp_path / 'x.svg')]
+    assert main(['analyze', bag, *words]) == 0
+    assert json.loads((tmp_path / 'x.json').read_text())['states'] == 300
+    assert '<svg' in (tmp_path / 'x.svg').read_text()
+    capsys.readouterr()
+    assert main(['replay', bag, '--law', 'pid']) == 2
+    assert 'simulate follows the joints that export writes' in capsys.readouterr().err
     assert main(['report', bag, '--out', str(tmp_path / 'report')]) == 2
     assert 'no messages on reference' in capsys.readouterr().err
     with ExitStack() as stack:

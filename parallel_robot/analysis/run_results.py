@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +13,9 @@ import numpy as np
 from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
+from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it
-from parallel_robot.analysis.thinned import Series
+from parallel_robot.analysis.thinned import Curves, Series
 from parallel_robot.analysis.timing import Quantiles
 from parallel_robot.bags.messages.message_arrays import Samples, physical
 from parallel_robot.bags.run import run_log
@@ -80,6 +82,7 @@ class MotionAlone:
         self._count = 0
         self._rows: dict[str, np.ndarray] = {}
         self._measured = True, True
+        self._curves = Curves()  # joints and torques
 
     def add(self, log: RunLog) -> None:
         """Take the next window."""
@@ -90,7 +93,9 @@ class MotionAlone:
         self._ends = float(time[0]) if first else self._ends[0], float(time[-1])
         self._log, self._count = log, self._count + len(time)
         speeds, torques = self._measured
-        self._measured = speeds and log.has_velocities, torques and log.has_efforts
+        known = log.has_efforts or bool(len(log.command))  # else nothing tells a torque
+        self._measured = speeds and log.has_velocities, torques and known
+        self._curves.add(time, np.hstack([log.position, log.effort]))
         rows = {
             'low': log.position.min(axis=0),
             'high': log.position.max(axis=0),
@@ -113,6 +118,17 @@ class MotionAlone:
             f'{log.scenario}, {head}: no reference, so no errors',
             Table(['', *log.joints], rows),
         ]
+
+    def save_figure(self, path: Path) -> None:
+        """Draw joints and torques into a file, which must not exist.
+
+        Raises:
+            OSError: it cannot be written; with its name.
+        """
+        log = self._taken
+        position, torque = np.hsplit(self._curves.values, 2)
+        time = self._curves.time
+        figures.draw_motion(time, log.joints, position, torque, path, log.units)
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""

@@ -268,6 +268,31 @@ def draw_prediction(
     save(figure, path)
 
 
+def draw_motion(
+    time: np.ndarray,
+    joints: Sequence[str],
+    position: np.ndarray,
+    torque: np.ndarray,
+    path: str | Path,
+    units: JointUnits = HINGES,
+) -> None:
+    """Draw the joints [rad] and torques [N m] of a motion without a reference, each shape (T, n).
+
+    The others as of :func:`draw_prediction`.
+    """
+    figure = _figure('Motion without a reference', 2.0 * ROW)
+    rows = figure.subplots(2, 1, sharex=True)
+    labels = units.label('joints [rad]'), units.label('torques [N m]')
+    for axes, values, name in zip(rows, (position, torque), labels, strict=True):
+        for k, (joint, curve) in enumerate(zip(joints, values.T, strict=True)):
+            axes.plot(time, curve, label=without_mathematics(joint_label(joint)), **look_of(k))
+        axes.set(ylabel=name)
+        axes.grid(alpha=0.3)
+        add_legend(axes)
+    rows[-1].set(xlabel='t [s]')
+    save(figure, path)
+
+
 def _of_torque(units: JointUnits, joint: int) -> str:
     """Label of an axis for the torque of a joint."""
     return units.one(joint).label('[N m]')

@@ -35,7 +35,7 @@ from parallel_robot.cli.shared import (
     robot_code,
     show,
 )
-from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length
 
@@ -114,10 +114,18 @@ def _warn(text: str) -> None:
 
 def _without_reference(arguments: argparse.Namespace, motion: MotionAlone) -> int:
     """Print what is known of a motion that has no reference."""
-    if arguments.json or arguments.figure:
-        given = '--json' if arguments.json else '--figure'
-        raise BagError(f'{arguments.bag} has no reference: no errors, and no {given}')
-    show(arguments.format, motion.parts(), motion.as_data(), [f'bag     {arguments.bag}'])
+    try:
+        with contextlib.ExitStack() as written:
+            if arguments.json:
+                content = as_json(motion.as_data())
+                written.enter_context(output.written(arguments.json, content))
+            if arguments.figure:
+                motion.save_figure(arguments.figure)
+    except OSError as error:
+        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    figure = [f'figure  {arguments.figure}'] if arguments.figure else []
+    files = [f'bag     {arguments.bag}', *figure]
+    show(arguments.format, motion.parts(), motion.as_data(), files)
     return 0
 
 
