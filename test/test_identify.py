@@ -1,11 +1,13 @@
 """The command ``identify``."""
 
 import json
+import re
 import shutil
 
 import numpy as np
 import pytest
 import yaml
+from bags import STORE, content, write_foreign
 
 from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recording, run_log, run_windows
@@ -13,6 +15,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies.identification import measured_motion
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
+from parallel_robot_model.messages.topics import COMMANDS, JOINT_STATES
 
 TRUE = ['--set', 'true_robot.m1=6.0', '--set', 'true_robot.mp=5.5']
 MP = 5.5 / 3.0
@@ -204,3 +207,67 @@ def test_without_noise_or_rest_nothing_is_said_of_the_sensors_in_the_file(bags, 
     assert run('identify', bags[1], '--out', tmp_path / 'robot.yaml') == 0
     assert 'no phase of rest of 0.1 s' in capsys.readouterr().out
     assert 'estimator' not in yaml.safe_load((tmp_path / 'robot.yaml').read_text())
+
+
+def altered(bag, directory, change, kept=(JOINT_STATES, COMMANDS)):
+    """The bag as another recorder has it, with other efforts."""
+    [file] = bag.glob('*.mcap')
+    found = content(file)
+    streams = {topic: found[topic.name] for topic in kept}
+    states = []
+    for stamp, data in streams[JOINT_STATES]:
+        message = STORE.deserialize_cdr(data, JOINT_STATES.type)
+        message.effort[:3] = change(message.effort[:3])
+        states.append((stamp, bytes(STORE.serialize_cdr(message, JOINT_STATES.type))))
+    write_foreign(directory, streams | {JOINT_STATES: states})
+    return directory
+
+
+@pytest.mark.parametrize(
+    ('change', 'kept', 'message'),
+    [
+        (lambda e: 0.1 * e, (JOINT_STATES, COMMANDS), 'efforts are 0.1 of the commands'),
+        (lambda e: 1000 * e, (JOINT_STATES, COMMANDS), 'are they in mN m?'),
+        (lambda e: 1000 * e, (JOINT_STATES,), 'more than plant.torque_limit, 200 N m: are they'),
+        (lambda e: -e, (JOINT_STATES, COMMANDS), 'are -1 of the commands: is a sign wrong?'),
+        (lambda e: -e, (JOINT_STATES,), 'those of joint1, joint2, joint3 have the sign of the'),
+        (lambda e: e[[1, 0, 2]], (JOINT_STATES,), 'in the order joint2, joint1, joint3'),
+        (lambda e: e * [1, 1, -1], (JOINT_STATES,), 'those of joint3 have the sign of the'),
+    ],
+)
+def test_efforts_that_are_no_torques_are_refused(bags, tmp_path, capsys, change, kept, message):
+    bag = altered(bags[0], tmp_path / 'bag', change, kept)
+    capsys.readouterr()
+    assert run('identify', bag, '--out', tmp_path / 'robot.yaml') == 2
+    error = capsys.readouterr().err
+    assert message in error and error.count('\n') == 1, error
+    assert not (tmp_path / 'robot.yaml').exists()
+
+
+def test_torques_that_are_a_tenth_of_those_of_the_robot_are_doubted(bags, tmp_path, capsys):
+    bag = altered(bags[0], tmp_path / 'bag', lambda e: 0.1 * e, (JOINT_STATES,))
+    capsys.readouterr()
+    assert run('identify', bag) == 0
+    assert '0.11 of those of the robot of the configuration: are the' in capsys.readouterr().err
+
+
+def test_a_motor_that_gives_less_has_no_lag_by_that(bags, tmp_path, capsys):
+    bag = altered(bags[0], tmp_path / 'bag', lambda e: 0.8 * e)
+    capsys.readouterr()
+    assert run('identify', bag) == 0
+    out, err = capsys.readouterr()
+    assert 'efforts are 0.8 of the commands' in err
+    assert 'efforts follow the commands without a lag' in out
+
+
+def test_per_cent_are_those_of_the_estimate(bags, capsys):
+    """With a guess a hundredth of the truth, what is known is known as well."""
+    light = [f'robot.{key}=0.01' for key in ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip')]
+    words = [word for value in light for word in ('--set', value)]
+    capsys.readouterr()
+    assert run('identify', bags[0], '--override', *words) == 0
+    out = capsys.readouterr().out
+    assert 'the motion does not tell' not in out
+    [row] = [line for line in out.splitlines() if line.strip().startswith('a + ')]
+    estimate, half, share = re.search(r'  ([\d.]+) +\+- (\S+) \((\S+) %\)', row).groups()
+    assert float(share) == pytest.approx(100.0 * float(half) / float(estimate), rel=0.06)

@@ -125,7 +125,8 @@ def identify(
         view: What they do not say themselves; the part of it is of the first one.
 
     Raises:
-        BagError: one is no bag of a run, too little of it can be used, or of another robot.
+        BagError: one is no bag of a run, too little of it can be used, or of another robot; its
+            efforts are no torques, or what is found does not explain them.
         InputError: a value is wrong, or the robot has no linear model.
     """
     if cutoff is not None and not (isinstance(cutoff, Real) and math.isfinite(cutoff)):
@@ -143,7 +144,7 @@ def identify(
     warnings += first.warnings
     if cutoff is None:
         cutoff = min(CUTOFF, highest_cutoff(first.motion))
-    with _naming(bag):
+    with _naming(bag, first.log.joints_differ.text):
         found = identified.identify(nominal, first.motion, cutoff)
     if found.left.doubt:
         warnings.append(f'{bag}: {found.left.doubt}')
@@ -153,6 +154,9 @@ def identify(
         with _naming(validate):
             guess = identified.nominal_of(second.log).guess
             checked = identified.predict(found, second.motion, guess, cutoff)
+    with _naming(validate or bag):
+        doubt = identified.judge(found, checked, first.log.joints)
+    warnings += [f'{validate or bag}: {doubt}'] if doubt else []
     return Identification(
         bag,
         first.log.joints,
@@ -187,6 +191,8 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
         def seen() -> Iterator[RunLog]:
             for log in windows:
                 told.take(bag, log)
+                if log.efforts_differ.grave:
+                    raise BagError(f'torques are needed: {log.efforts_differ.text}')
                 still.add(log)
                 stretch.add(log)
                 yield log
@@ -229,12 +235,12 @@ def _told(bag: Path, lines: Iterable[str]) -> list[str]:
 
 
 @contextlib.contextmanager
-def _naming(bag: Path) -> Iterator[None]:
-    """Errors of a bag with its name."""
+def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
+    """Errors of a bag with its name, and with what else is in doubt."""
     try:
         yield
     except BagError as error:
-        raise BagError(f'{bag}: {error}') from None
+        raise BagError(f'{bag}: {error}{"; " if doubt else ""}{doubt}') from None
     except np.linalg.LinAlgError as error:
         raise BagError(f'{bag}: {least_squares.NOT_THESE_INERTIAS}: {error}') from None
 

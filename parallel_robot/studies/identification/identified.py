@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.run import two_sources
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification import base_parameters, least_squares, regression_rows
 from parallel_robot.studies.identification.base_parameters import BaseParameters
@@ -126,7 +127,10 @@ def identify(nominal: Nominal, motion: Motion, cutoff: float) -> Identified:
     robot = least_squares.nearest_physical_robot(
         nominal.robot, base, fit, scale, nominal.both_frictions
     )
-    poor = least_squares.poorly_determined(fit, base.names, scale)
+    # A size that was believed to be small is that of the estimate.
+    poor = least_squares.poorly_determined(
+        fit, base.names, np.maximum(scale, np.abs(fit.values)), scale
+    )
     period = motion.period
     return Identified(nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period)
 
@@ -162,6 +166,54 @@ def _compared(found: Identified, squares: Squares, rows: Rows) -> Prediction:
         squares.rms(each) for each in (values, found.before, np.zeros(len(values)))
     )
     return Prediction(rows, rows.Y @ values, error, nominal_error, size)
+
+
+MOST = 0.5  # of the torques, rms: a robot that leaves more explains nothing
+SMALL = 0.05  # of the torques: a nominal robot that leaves no more is as good as an identified one
+FAR = 5.0  # factor between torques and those of the nominal robot that is doubted
+
+
+def judge(found: Identified, checked: Prediction, joints: Sequence[str]) -> str:
+    """What to doubt of an identified robot by what it leaves of the torques; empty if nothing.
+
+    Raises:
+        BagError: it is no result: most is left, or more than the nominal robot leaves.
+    """
+    size = np.maximum(checked.size, 1e-300)
+    left, nominal = (
+        float(np.sqrt(np.mean((each / size) ** 2)))
+        for each in (checked.error, checked.nominal_error)
+    )
+    cause = _likely_cause(found, joints)
+    if left > MOST or (left >= nominal and nominal > SMALL):
+        raise BagError(
+            f'no robot is found that explains the torques: {100.0 * left:.3g} % of them is left, '
+            f'{100.0 * nominal:.3g} % by the robot of the configuration; '
+            + (cause or least_squares.ANOTHER)
+        )
+    if left >= nominal:
+        return 'the robot of the configuration explains the torques as well as what is found'
+    return cause
+
+
+def _likely_cause(found: Identified, joints: Sequence[str]) -> str:
+    """How the torques are those of the nominal robot but for order, sign or unit; else empty."""
+    torque = found.squares.Y @ found.before
+    ratio = two_sources.ratio_of_rows(found.squares.torque, torque)
+    order, own = ratio.order, np.arange(len(joints))
+    factors, alike = ratio.factors[own, order], ratio.left[own, order] < MOST
+    if order != own.tolist() and alike.all():
+        names = ', '.join(joints[k] for k in order)
+        return f'they are those of its joints in the order {names}: efforts in another order?'
+    wrong = [name for name, k in zip(joints, own, strict=True) if alike[k] and factors[k] < 0.0]
+    if wrong:
+        return f'those of {", ".join(wrong)} have the sign of the opposite torque: a wrong sign?'
+    factor = float(np.median(factors))
+    if alike.all() and not 1.0 / FAR < factor < FAR:
+        unit = found.nominal.robot.joint_units.of('N m')
+        what = f'the torques are {factor:.2g} of those of the robot of the configuration'
+        return f'{what}: are the efforts in {unit}?'
+    return ''
 
 
 def check_same_robot(first: RunLog, second: RunLog) -> None:

@@ -189,13 +189,17 @@ def _spread(left: Array, together: Array) -> Array:
     return np.asarray(total / np.sqrt(np.outer(alone, alone)))
 
 
-def poorly_determined(fit: Fit, names: tuple[str, ...], scale: Array) -> list[tuple[str, float]]:
+def poorly_determined(
+    fit: Fit, names: tuple[str, ...], scale: Array, nominal: Array
+) -> list[tuple[str, float]]:
     """Combinations whose relative standard error is large, the worst first, with that error.
 
-    They are eigenvectors of the covariance of the parameters over their sizes.
+    They are eigenvectors of the covariance of the parameters over their sizes, of which the fit
+    had the nominal ones.
     """
+    # not shown at all, whatever the others are
+    alone = np.diag(fit.covariance) > 0.99 * (UNKNOWN * nominal) ** 2
     relative = fit.covariance / np.outer(scale, scale)
-    alone = np.diag(relative) > 0.99 * UNKNOWN**2  # not shown at all, whatever the others are
     found = [(name, UNKNOWN) for name, one in zip(names, alone, strict=True) if one]
     rest = np.flatnonzero(~alone)
     variances, vectors = np.linalg.eigh(relative[np.ix_(rest, rest)])
@@ -247,6 +251,10 @@ def _long_run(scores: Array, lags: int) -> Array:
 ALIKE = 0.5  # correlation of neighbouring rows; noise that passed the low-pass filter has about 0
 SMALL = 1e-3  # of the torque; less is of no interest
 NOT_THESE_INERTIAS = 'no set of inertias explains the motion with this geometry'
+ANOTHER = (
+    'the geometry, the robot, the order of joints or efforts is another one, or something slow '
+    'disturbs it'
+)
 MUCH = 0.2  # of the torque, of which noise is seldom so much
 
 
@@ -263,11 +271,7 @@ class Unexplained(NamedTuple):
         if not (most > MUCH or (alike and most > SMALL)):
             return ''
         what = ', and that is no noise' if alike else ''
-        return (
-            f'{NOT_THESE_INERTIAS}: {100.0 * most:.2g} % of a torque is left{what}; the geometry, '
-            'the robot, the order of joints or efforts is another one, '
-            'or something slow disturbs it'
-        )
+        return f'{NOT_THESE_INERTIAS}: {100.0 * most:.2g} % of a torque is left{what}; {ANOTHER}'
 
 
 def unexplained(squares: Squares, fit: Fit) -> Unexplained:

@@ -21,6 +21,7 @@ from parallel_robot_model.common.units import HINGES, Array, JointUnits
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory
 SATURATED = 1.0 - 1e-6  # of the limit of the motors
+SATURATION = 'motors saturated'
 STILL = 2e-3  # rad/s, rms of a joint that stands still
 SPAN = 0.1  # s over which its rate is taken, so that noise does not count as motion
 
@@ -123,8 +124,8 @@ class RunMotion:
         self.period, self._kept = period, KeptParts('the motion')
         self._statuses, self._limit, self._zero = statuses, torque_limit, zero
         states, self.count, self.duration = 0, 0, 0.0
-        bad = {'after a fault': 0, 'motors saturated': 0}
-        moving = np.zeros(len(torque_limit), bool)
+        bad = {'after a fault': 0, SATURATION: 0}
+        moving, most = np.zeros(len(torque_limit), bool), np.zeros(len(torque_limit))
         speed, begin = _Speed(period), None
         joints: tuple[str, ...] = ()
         units: JointUnits = HINGES
@@ -140,8 +141,9 @@ class RunMotion:
             self.duration = float(motion.time[-1] - begin)
             states, self.count = states + len(motion.time), self.count + motion.count
             bad['after a fault'] += int(faulted.sum())
-            bad['motors saturated'] += int((~motion.usable & ~faulted).sum())
+            bad[SATURATION] += int((~motion.usable & ~faulted).sum())
             moving |= motion.effort.any(axis=0)
+            most = np.maximum(most, np.abs(motion.effort).max(axis=0))
             speed.add(motion)
             self._kept.add(motion.time, motion.position, motion.effort, motion.usable)
         silent = [joint for joint, moves in zip(joints, moving, strict=True) if not moves]
@@ -153,7 +155,17 @@ class RunMotion:
         if (self.speed < STILL).all():
             still = f'{STILL:g} {units.of("rad/s")}'
             raise BagError(f'the robot stood still: no joint reached {still} (rms)')
-        self.left_out = tuple(f'{n * period:.3g} s: {what}' for what, n in bad.items() if n)
+        beyond = ''
+        if (most > 1.01 * torque_limit).any():
+            k = int(np.argmax(most / torque_limit))
+            unit = units.one(k).of('N m')
+            told = f'efforts reach {most[k]:.4g} {unit}, more than plant.torque_limit'
+            beyond = f' ({told}, {torque_limit[k]:g} {unit}: are they in {unit}?)'
+        self.left_out = tuple(
+            f'{n * period:.3g} s: {what}{beyond if what == SATURATION else ""}'
+            for what, n in bad.items()
+            if n
+        )
 
     def windows(self) -> Iterator[MeasuredMotion]:
         """Parts that follow each other, from the first one on each time."""

@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
+from parallel_robot.bags.run import two_sources
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification.measured_motion import GAP, LONGEST, SPAN, STILL
 from parallel_robot_model.common.tables import Part, ShownResult
@@ -29,6 +30,7 @@ LATEST = 20  # samples, the longest delay that is looked for
 FEWEST = 200  # samples that can be used
 TRIED = 30  # time constants of each delay
 SHOWN = 0.05  # of a period, the least lag that is told
+UNLIKE = 0.5  # of the squares of efforts: more is left where they do not follow the commands
 
 
 @dataclass(frozen=True, repr=False)
@@ -120,6 +122,10 @@ class LongestStretch:
         warm = round(WARM * LONGEST_LAG / period) + LATEST
         if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
             return None
+        known = two_sources.ratio(effort[1:], command[:-1], period)
+        for joint, factor in known.clear().items() if known else ():
+            if abs(factor - 1.0) > two_sources.NEAR:  # as of motors that give less
+                command[:, joint] *= factor
         tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
         joints = [*zip(command.T, effort.T, strict=True)]
         off = np.array([_squares(*joint, tried, period, warm) for joint in joints])
@@ -128,6 +134,11 @@ class LongestStretch:
             _nearest(tried, of_joint, delay, *joint, period, warm)
             for of_joint, joint in zip(off[..., delay], joints, strict=True)
         ]
+        if any(
+            part > UNLIKE * np.sum(joint[1] ** 2)
+            for part, joint in zip(off.min(axis=(1, 2)), joints, strict=True)
+        ):
+            return None  # efforts do not follow the commands
         values, half_widths = np.array(found).T
         return MotorLag(values, half_widths, delay * period, period)
 

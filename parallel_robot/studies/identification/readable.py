@@ -27,8 +27,8 @@ def parts(found: Identified) -> list[Part]:
     for k, (name, unit) in enumerate(zip(found.base.names, found.base.units, strict=True)):
         unknown = half[k] > 0.1 * UNKNOWN * found.scale[k]
         interval = 'not determined' if unknown else f'+- {half[k]:.2g}'
-        if not unknown:
-            interval += f' ({100.0 * half[k] / found.scale[k]:.2g} %)'
+        if half[k] < abs(fit.values[k]):
+            interval += f' ({100.0 * half[k] / abs(fit.values[k]):.2g} %)'
         rows.append([name, f'{fit.values[k]:.5g}', interval, f'{found.before[k]:.5g}', unit])
     parts: list[Part] = [
         f'{found.nominal.robot.name}: {found.squares.duration:.3g} s of motion, '
