@@ -13,10 +13,12 @@ import parallel_robot as pr
 from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.cli.command_line import main
+from parallel_robot.cli.commands import calibrate
 from parallel_robot.studies.calibration import bag_calibration, measured_poses, picture
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
+from parallel_robot_model.processes.ending_signals import Ended
 
 TRUE = {  # all of it: what is not said follows the robot that is believed in
     'true_robot.l1': 0.4008,
@@ -379,3 +381,62 @@ def test_python_refuses_what_the_command_refuses(case):
         pr.calibrate(case.bag, poses=case.poses, free='frame')
     with pytest.raises(BagError, match='has no topic of measured poses'):
         pr.calibrate(case.bag)
+
+
+def framed(pose):
+    place = np.exp(0.3j) * (pose[:, 0] + 1j * pose[:, 1]) + (1.0 + 2.0j)
+    return np.column_stack([place.real, place.imag, pose[:, 2] + 0.3])
+
+
+def pointed(pose):
+    """The pose of a target 80 mm beside the centre of the platform."""
+    c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    return pose + 0.08 * np.column_stack([c, s, 0.0 * c])
+
+
+@pytest.mark.parametrize(
+    ('change', 'cause'),
+    [
+        (lambda pose: pose * [1e3, 1e3, 1.0], 'lengths in mm'),
+        (lambda pose: np.degrees(pose * [0, 0, 1]) + pose * [1, 1, 0], 'angles in degrees'),
+        (lambda pose: pose * [-1, -1, 1], 'x, y with the other sign'),
+        (lambda pose: pose * [1, -1, -1], 'y, phi with the other sign (mirrored?)'),
+        (lambda pose: pose * [1, -1, 1], 'y with the other sign (mirrored?)'),
+        (lambda pose: pose[:, [1, 0, 2]], 'x, y swapped'),
+        (framed, 'another frame (--free frame)'),
+        (lambda pose: np.add(pose, [0.05, 0.0, 0.0]), 'another frame (--free frame)'),
+        (pointed, 'a target beside the tool (--free target)'),
+    ],
+)
+def test_poses_of_something_else_cost_one_line_with_the_cause(
+    case, tmp_path, capsys, change, cause
+):
+    table = np.column_stack([case.table[:, 0], change(case.table[:, 1:])])
+    poses, out = tracker(tmp_path / 'poses.csv', 't,x,y,phi', table), tmp_path / 'robot.yaml'
+    capsys.readouterr()
+    assert run('calibrate', case.bag, '--poses', poses, '--out', out) == 2
+    error = capsys.readouterr().err
+    assert f'but with {cause} they are' in error and error.count('\n') == 1, error
+    assert not out.exists()
+
+
+def test_a_fit_that_leaves_most_is_no_result(case, tmp_path, capsys):
+    """Poses of other times: no geometry, and none of the causes explains them."""
+    table = case.table.copy()
+    table[:, 1:] = np.random.default_rng(3).permutation(table[:, 1:])
+    poses = tracker(tmp_path / 'poses.csv', 't,x,y,phi', table[::20])
+    capsys.readouterr()
+    assert run('calibrate', case.bag, '--poses', poses, '--out', tmp_path / 'robot.yaml') == 2
+    error = capsys.readouterr().err
+    assert error.count('\n') == 1 and 'explains the poses' in error, error
+    assert not (tmp_path / 'robot.yaml').exists()
+
+
+def test_a_signal_in_machine_code_ends_the_command(monkeypatch, capsys):
+    """Python tells it as the cause of another error."""
+
+    def interrupted(_):
+        raise SystemError('returned a result with an exception set') from Ended(15)
+
+    monkeypatch.setattr(calibrate, 'execute', interrupted)
+    assert run('calibrate', 'bag') == 143 and not capsys.readouterr().err

@@ -210,6 +210,10 @@ def main(words: Sequence[str] | None = None) -> int:
         return ended.exit_code
     except KeyboardInterrupt:
         return 130
+    except SystemError as error:  # of machine code that a signal interrupted
+        if not isinstance(error.__cause__, KeyboardInterrupt):
+            raise
+        return getattr(error.__cause__, 'exit_code', 130)
     except BrokenPipeError:  # whoever read the output has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 141

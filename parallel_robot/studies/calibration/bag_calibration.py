@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags import output
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.output import Progress
 from parallel_robot.bags.run import recorded_robot, recording, run_log
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
@@ -20,6 +22,7 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import least_squares, measured_poses, readable
 from parallel_robot.studies.calibration.least_squares import Fit
+from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
 from parallel_robot.studies.calibration.measured_poses import (
     KEPT,
     NearStates,
@@ -46,6 +49,9 @@ from parallel_robot_model.robots.registry import RobotModel, is_known
 
 GAP = 0.02  # s between two states, beyond which nobody knows the joints in between
 MOST = 20_000  # poses that are used
+MOST_OF_NOISE = 10.0  # what may be left of the poses; more is no result if it is also
+MOST_LEFT = 0.2  # of what was left before
+AT_REST = 10  # pairs of poses that tell the noise of their tracker
 STRAY = 6.0  # of the noise, an error that is doubted
 
 
@@ -116,7 +122,7 @@ def calibrate(
         view: What the bag does not say itself, and which part is wanted.
 
     Raises:
-        BagError: it is no bag of a run, or its poses do not suffice.
+        BagError: it is no bag of a run, its poses do not suffice, or no geometry explains them.
         InputError: a value is wrong, or a file cannot be read.
     """
     duration, states = recording.size(bag, view)
@@ -153,7 +159,17 @@ def calibrate(
         robot, _ = nominal_of(log.config)
         zero = known(log.config)
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
+    cause = likely_cause(model, free)
+    if cause and cause.distant:
+        raise BagError(f'{poses or bag}: {_not_those(model)} but with {cause.text} they are')
+    with Progress(None, 'robots tried') as progress, _naming(bag):
+        model.watch = progress.show
         fit = least_squares.fit(model)
+    model.watch = lambda _: None
+    doubt = _judged(model, fit)
+    warnings += [f'{poses or bag}: {doubt}'] if doubt else []
+    if cause:
+        warnings.append(f'{poses or bag}: {_not_those(model)} with {cause.text} they nearly are')
     most = margin(duration, states, len(near.around))
     return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most)))
 
@@ -256,6 +272,57 @@ def _joined(
     return _evenly(used, source, remarks), remarks
 
 
+def _not_those(model: PoseModel) -> str:
+    """That poses are not those of the nominal robot, in words, as the begin of a line."""
+    before = model.left(model.start)
+    assert before is not None  # it was looked at when the model was made
+    return f'the poses are not those of the {model.robot.name}, {_rms(model, before)} off;'
+
+
+def _rms(model: PoseModel, left: Array) -> str:
+    """What is left of poses, rms, by unit, for people."""
+    return ' and '.join(
+        f'{1e3 * readable.rms(left[:, [each == unit for each in model.units]]):.3g} m{unit}'
+        for unit in dict.fromkeys(model.units)
+    )
+
+
+def _judged(model: PoseModel, found: Fit) -> str:
+    """What to doubt of a calibration by what it leaves of the poses; empty if nothing.
+
+    Medians count, so that poses which stray do not. The noise is that of a good tracker, or of
+    this one, if it tells that by poses that follow each other at rest.
+
+    Raises:
+        BagError: it leaves so much that it is no result.
+    """
+    left, before = (1.48 * np.median(np.abs(each), axis=0) for each in (found.left, found.before))
+    noise = np.array([least_squares.NOISE[unit] for unit in model.units])
+    resting = (np.abs(np.diff(model.nominal, axis=0)) < 0.1 * left.min()).all(axis=1)
+    if resting.sum() >= AT_REST:
+        scatter = np.diff(found.left, axis=0)[resting]
+        noise = np.maximum(noise, 1.48 * np.median(np.abs(scatter), axis=0) / math.sqrt(2.0))
+    told = ''
+    for unit in {*model.units}:
+        of = np.array([each == unit for each in model.units])
+        now, then, least = (float(np.sqrt(np.mean(x[of] ** 2))) for x in (left, before, noise))
+        if now <= MOST_OF_NOISE * least:
+            continue
+        if now > MOST_LEFT * then:
+            raise BagError(_unexplained(model, found.left))
+        told = f'{_rms(model, found.left)} of the poses is left, more than the noise of a tracker'
+    return told
+
+
+def _unexplained(model: PoseModel, left: Array) -> str:
+    before = model.left(model.start)
+    assert before is not None
+    return (
+        f'no geometry explains the poses: they are {_rms(model, left)} off, before '
+        f'{_rms(model, before)}; nor does one of {TRIED}'
+    )
+
+
 def _doubts(model: PoseModel, found: Fit, most: float) -> list[str]:
     """What to doubt of a calibration, one line each; `most` of the clock, see :func:`margin`."""
     lines = []
@@ -283,7 +350,9 @@ def _naming(bag: Path) -> Iterator[None]:
     except (BagError, KinematicsError, RobotError) as error:
         raise BagError(f'{bag}: {error}') from None
     except np.linalg.LinAlgError as error:
-        raise BagError(f'{bag}: the poses do not tell a geometry: {error}') from None
+        raise BagError(
+            f'{bag}: the poses do not tell a geometry ({error}): tried: {TRIED}'
+        ) from None
 
 
 # What calibrating is asked for: the robot of a bag, or poses that tell most.

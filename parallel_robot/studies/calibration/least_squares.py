@@ -82,6 +82,8 @@ def fit(model: PoseModel) -> Fit:
     assert left is not None
     told = [k for k in range(size) if k not in kept]
     _, singular, vectors = np.linalg.svd(_flat(slopes, noise)[:, told], full_matrices=False)
+    if not len(singular) or not singular[-1] > 0.0:
+        raise np.linalg.LinAlgError('they tell nothing of it')
     inverse = vectors.T / singular
     covariance = np.zeros((size, size))
     covariance[np.ix_(told, told)] = inverse @ inverse.T

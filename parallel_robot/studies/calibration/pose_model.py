@@ -158,7 +158,9 @@ class PoseModel:
         Raises:
             InputError: the robot has nothing that is free, or its geometry does not fit.
         """
-        self.robot, self.track, self.measured = robot, track, measured
+        self.robot, self.joints, self.track, self.measured = robot, joints, track, measured
+        self.watch: Callable[[int], None] = lambda _: None  # told how many robots were tried
+        self._tried = 0
         self._tracker = Tracker(robot, measured.columns, free)
         self.units = self._tracker.units  # unit of each measured coordinate
         self._locate = Locator(robot)
@@ -166,7 +168,7 @@ class PoseModel:
         found = self._locate(robot, position, guesses)
         if found is None:
             raise InputError(f'the nominal {robot.name} has no pose at some of the joint angles')
-        self._guesses = found
+        self.nominal = found  # poses of the nominal robot, shape (N, m)
         # the numbers of its geometry that count
         self.numbers: tuple[Number, ...] = find_numbers(robot, position, found)
         # all that is looked for: these, zero angles, what is free of the tracker, its clock
@@ -226,11 +228,18 @@ class PoseModel:
 
     def poses(self, values: Array) -> Array | None:
         """Poses of the robot in its own frame, shape (N, m); None where it has none."""
+        self._tried += 1
+        self.watch(self._tried)
         try:
             robot = self.robot_with(values)
         except RobotError:
             return None
-        return self._locate(robot, self._position(values), self._guesses)
+        return self._locate(robot, self._position(values), self.nominal)
+
+    def nominal_at(self, order: Sequence[int], signs: Array) -> Array | None:
+        """Poses of the nominal robot, as :attr:`nominal`, with joints in another order or sign."""
+        position = self._position(self.start)[:, order] * signs
+        return self._locate(self.robot, position, self.nominal)
 
     def _position(self, values: Array) -> Array:
         """Joints at the poses [rad], shape (N, n)."""

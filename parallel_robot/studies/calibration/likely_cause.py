@@ -1,0 +1,159 @@
+"""Why poses are not those of a robot: each likely cause is tried on the nominal robot.
+
+Lengths in mm, angles in degrees, axes that are mirrored or swapped, another frame, a target beside
+the tool, another order or sign of the joints: the simplest of those that bring down by far what is
+left of the poses is named.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator
+from typing import NamedTuple
+
+import numpy as np
+from scipy import optimize
+
+from parallel_robot.studies.calibration.least_squares import NOISE
+from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.calibration.tracker import FRAME, FREE, TARGET, Tracker
+from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.units import Array
+
+ROWS = 200  # poses that are compared
+BY_FAR = 0.2  # of what is left: a cause leaves less
+# The simplest cause is named that leaves no more than this
+ALIKE = 2.0  # of what the best one leaves, or
+CLOSE = 0.05  # of what is left
+DISTANT = 0.1  # of the spread of the poses: no robot is so far from its nominal one
+LEAST = 0.01  # m or rad, of the spread
+TENTH = 10.0  # of the noise: with less left there is nothing to explain
+UNITS = {'m': {'mm': 1e-3, 'cm': 1e-2, 'inches': 0.0254}, 'rad': {'degrees': math.pi / 180.0}}
+TRIED = 'mm, degrees, mirrored or swapped axes, another frame or target, order and sign of joints'
+
+
+class Cause(NamedTuple):
+    """What the poses of a tracker may be."""
+
+    text: str  # what they are then those of the nominal robot with, or by
+    distant: bool  # whether they are so far from it that no geometry is looked for
+
+
+def likely_cause(model: PoseModel, free: Collection[str]) -> Cause | None:
+    """The likeliest cause for poses that are not those of the nominal robot; None: there is none.
+
+    Args:
+        model: What is looked for.
+        free: Which of FREE are unknown.
+    """
+    rows = np.unique(np.linspace(0, len(model.nominal) - 1, ROWS).astype(int))
+    own, seen = model.nominal[rows], model.measured.pose[rows]
+    noise = np.array([NOISE[unit] for unit in model.units])
+    other_free = [
+        each
+        for count in (1, 2)
+        for each in itertools.combinations(FREE, count)
+        if {*free} < {*each}
+    ]
+    mirrored = [each for each in _readings(model, seen) if each.simple]
+
+    def left(own: Array, seen: Array, free: Collection[str]) -> Array:
+        try:
+            tracker = Tracker(model.robot, model.measured.columns, free)
+        except InputError:
+            return np.full_like(seen, np.inf)
+        values = tracker.start(own, seen)
+        if TARGET in free:
+            values = optimize.least_squares(
+                lambda x: (tracker.apart(seen, tracker.seen(own, x)) / noise).ravel(), values
+            ).x
+        return tracker.apart(seen, tracker.seen(own, values))
+
+    def size(left: Array) -> float:
+        return float(np.sqrt(np.mean((left / noise) ** 2)))
+
+    before = left(own, seen, free)
+    least = size(before)
+    if least < TENTH:
+        return None
+    tried = [
+        *((each.text, own, each.pose, free) for each in _readings(model, seen)),
+        *((_free_text(each), own, seen, each) for each in other_free),
+        *((text, moved[rows], seen, free) for text, moved in _joints(model)),
+        *(
+            (f'{each.text} and {_free_text(more)}', own, each.pose, more)
+            for each in mirrored
+            for more in other_free
+        ),
+    ]
+    sizes = [size(left(*each[1:])) for each in tried]
+    limit = min(BY_FAR * least, max(ALIKE * min(sizes, default=math.inf), CLOSE * least))
+    found = next((each for each, one in zip(tried, sizes, strict=True) if one <= limit), None)
+    if found is None:
+        return None
+    spread = own[:, list(model.measured.columns)].std(axis=0)
+    far = np.sqrt((before**2).mean(axis=0)) > DISTANT * np.maximum(spread, LEAST)
+    return Cause(found[0], bool(far.any()))
+
+
+def _free_text(free: Collection[str]) -> str:
+    what = {FRAME: 'another frame', TARGET: 'a target beside the tool'}
+    options = ' '.join(f'--free {each}' for each in free)
+    return f'{" and ".join(what[each] for each in free)} ({options})'
+
+
+class _Reading(NamedTuple):
+    """Poses read otherwise: how, the poses, shape (N, k), and whether one change makes them."""
+
+    text: str
+    pose: Array
+    simple: bool
+
+
+def _readings(model: PoseModel, seen: Array) -> Iterator[_Reading]:
+    """Poses with other units, axes that are mirrored, and axes that are swapped."""
+    axes = model.robot.module.coordinates(model.robot.parameters)
+    names = [axes[k].name for k in model.measured.columns]
+    columns = {unit: [k for k, each in enumerate(model.units) if each == unit] for unit in UNITS}
+    scales = [
+        [(1.0, ''), *((size, f'{unit} in {name}') for name, size in UNITS[unit].items())]
+        for unit in UNITS
+    ]
+    for pair in itertools.product(*scales):
+        texts = [text.replace('rad in', 'angles in').replace('m in', 'lengths in', 1)
+                 for _, text in pair if text]  # fmt: skip
+        pose = seen.copy()
+        for (scale, _), unit in zip(pair, UNITS, strict=True):
+            pose[:, columns[unit]] *= scale
+        if texts and not np.array_equal(pose, seen):
+            yield _Reading(' and '.join(texts), pose, simple=True)
+    turns = columns['rad'] if len(columns['rad']) <= 1 or not columns['m'] else []
+    place = columns['m'] or columns['rad']
+    signs = [*itertools.product((1.0, -1.0), repeat=len(names) if turns else len(place))]
+    changed = [*place, *(k for k in turns if k not in place)]
+    for order in itertools.permutations(place):
+        for sign in sorted(signs, key=lambda each: each.count(-1.0)):
+            pose, taken = seen.copy(), [*order, *changed[len(place) :]]
+            pose[:, changed] = seen[:, taken] * sign[: len(changed)]
+            negated = [names[k] for k, one in zip(taken, sign, strict=False) if one < 0.0]
+            moved = [names[k] for k, one in zip(changed, taken, strict=True) if k != one]
+            texts = [f'{", ".join(moved)} swapped'] if moved else []
+            texts += [f'{", ".join(negated)} with the other sign (mirrored?)'] if negated else []
+            if texts:
+                yield _Reading(' and '.join(texts), pose, len(moved) + len(negated) <= 2)
+
+
+def _joints(model: PoseModel) -> Iterator[tuple[str, Array]]:
+    """Poses of the nominal robot with two joints swapped, or one with the other sign."""
+    n, names = model.track.position.shape[1], model.joints
+    for one, other in itertools.combinations(range(n), 2):
+        order = [*range(n)]
+        order[one], order[other] = other, one
+        poses = model.nominal_at(order, np.ones(n))
+        if poses is not None:
+            yield f'the joints {names[one]} and {names[other]} swapped', poses
+    for k in range(n):
+        poses = model.nominal_at([*range(n)], np.where(np.arange(n) == k, -1.0, 1.0))
+        if poses is not None:
+            yield f'{names[k]} with the other sign', poses
