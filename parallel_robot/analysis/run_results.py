@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ import numpy as np
 from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
-from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it
 from parallel_robot.analysis.thinned import Curves, Series
 from parallel_robot.analysis.timing import Quantiles
@@ -119,16 +118,11 @@ class MotionAlone:
             Table(['', *log.joints], rows),
         ]
 
-    def save_figure(self, path: Path) -> None:
-        """Draw joints and torques into a file, which must not exist.
-
-        Raises:
-            OSError: it cannot be written; with its name.
-        """
+    def drawn(self, draw: Callable[..., None], path: Path) -> None:
+        """Draw joints and torques into a file by :func:`figures.draw_motion`."""
         log = self._taken
         position, torque = np.hsplit(self._curves.values, 2)
-        time = self._curves.time
-        figures.draw_motion(time, log.joints, position, torque, path, log.units)
+        draw(self._curves.time, log.joints, position, torque, path, log.units)
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""

@@ -120,7 +120,7 @@ def _without_reference(arguments: argparse.Namespace, motion: MotionAlone) -> in
                 content = as_json(motion.as_data())
                 written.enter_context(output.written(arguments.json, content))
             if arguments.figure:
-                motion.save_figure(arguments.figure)
+                motion.drawn(figures.draw_motion, arguments.figure)
     except OSError as error:
         raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
     figure = [f'figure  {arguments.figure}'] if arguments.figure else []
