@@ -12,7 +12,7 @@ from parallel_robot_model.messages import layouts, topics
 TIME = 1e-3 * np.arange(3000)
 PHASE = np.array([0.0, 1.0, 2.5])
 PERIODS = np.array([1.0, 1.3, 1.7])
-REFERENCE = np.array([1.454, 2.418, 1.983]) + 0.02 * np.sin(PERIODS * TIME[:, None] + PHASE)
+REFERENCE = np.array([1.4132, 3.2876, -0.5166]) + 0.02 * np.sin(PERIODS * TIME[:, None] + PHASE)
 TORQUE = 5.0 * np.cos(3.0 * PERIODS * TIME[:, None] + PHASE) + [1.0, -2.0, 0.5]
 
 
