@@ -167,11 +167,11 @@ def calibrate(
         fit = least_squares.fit(model)
     model.watch = lambda _: None
     doubt = _judged(model, fit)
-    warnings += [f'{poses or bag}: {doubt}'] if doubt else []
+    judged = [f'{poses or bag}: {doubt}'] if doubt else []
     if cause:
-        warnings.append(f'{poses or bag}: {_not_those(model)} with {cause.text} they nearly are')
+        judged.append(f'{poses or bag}: {_not_those(model)} with {cause.text} they nearly are')
     most = margin(duration, states, len(near.around))
-    return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most)))
+    return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most), *judged))
 
 
 class _Measured(NamedTuple):
