@@ -399,7 +399,7 @@ def pointed(pose):
     [
         (lambda pose: pose * [1e3, 1e3, 1.0], 'lengths in mm'),
         (lambda pose: np.degrees(pose * [0, 0, 1]) + pose * [1, 1, 0], 'angles in degrees'),
-        (lambda pose: pose * [-1, -1, 1], 'x, y with the other sign'),
+        (lambda pose: pose * [-1, -1, 1], 'x, y with the other sign (mirrored?)'),
         (lambda pose: pose * [1, -1, -1], 'y, phi with the other sign (mirrored?)'),
         (lambda pose: pose * [1, -1, 1], 'y with the other sign (mirrored?)'),
         (lambda pose: pose[:, [1, 0, 2]], 'x, y swapped'),
