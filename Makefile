@@ -17,8 +17,10 @@ WARM := import logging, sys; \
   whole = configure(values);
 WARM_CONTROLLER := Controller(whole.control)
 WARM_OTHERS := Simulator(whole.plant).warm(); motions_of(values).load()
-OF_TOOLS := from importlib.metadata import requires; \
-  print(*(line.partition(";")[0] for line in requires("parallel_robot") if "test" in line.partition(";")[2]), sep="\n")
+OF_TOOLS := from importlib.metadata import requires; from packaging.requirements import Requirement; \
+  markers = {line: Requirement(line).marker for line in requires("parallel_robot")}; \
+  print(*(line.partition(";")[0] for line, marker in markers.items() \
+  if marker and marker.evaluate({"extra": "test"}) and not marker.evaluate({"extra": ""})), sep="\n")
 TESTS := $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder --max-worker-restart 0
 PAPER := smc s_smc nftsmc s_fotsmc
 hash = $(firstword $(shell sha256sum $(1) | sha256sum))
