@@ -217,7 +217,7 @@ def altered(bag, directory, change, kept=(JOINT_STATES, COMMANDS)):
     states = []
     for stamp, data in streams[JOINT_STATES]:
         message = STORE.deserialize_cdr(data, JOINT_STATES.type)
-        message.effort[:3] = change(message.effort[:3])
+        message.effort = np.r_[change(message.effort[:3]), message.effort[3:]]
         states.append((stamp, bytes(STORE.serialize_cdr(message, JOINT_STATES.type))))
     write_foreign(directory, streams | {JOINT_STATES: states})
     return directory
