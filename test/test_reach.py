@@ -135,7 +135,7 @@ def test_margins_are_those_of_the_motion():
         x, z = region.plane.coordinates(pose)
         row, column = np.abs(region.second - z).argmin(), np.abs(region.first - x).argmin()
         found = [margin.values[row, column] for margin in region.reach.margins]
-        np.testing.assert_allclose(found, margins, rtol=1e-9)
+        np.testing.assert_allclose(found, margins[:2], rtol=1e-9)
 
 
 def test_serial_arm_reaches_a_ring():
