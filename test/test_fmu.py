@@ -144,6 +144,7 @@ def test_law_that_makes_arrays_is_one_line(tmp_path, capsys):
     )
     assert told in capsys.readouterr().err
     clipped = text.replace('    return C', '    torque = np.clip(torque, -5.0, 5.0)\n    return C')
+    own = tmp_path / 'clipping_law.py'
     own.write_text(clipped)
     assert main(['fmu', 'law', str(own), '--out', str(tmp_path / 'x.fmu')]) == 2
     err = capsys.readouterr().err

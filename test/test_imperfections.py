@@ -77,7 +77,7 @@ def told(setup, positions, velocities=None):
 def _torques(setup, commands, limits, found):
     for k in range(len(commands)):
         command = read_row(commands, k, limits)
-        write_row(found, k, driven(setup, command, limits, k * H, H))
+        write_row(found, k, driven(setup, command, -limits, limits, k * H, H))
 
 
 def torques(setup, commands, limit=1e3):

@@ -164,7 +164,7 @@ def test_a_bag_recorded_by_hand_is_run_again_as_its_nodes_were(law, tmp_path, mo
     assert changed == {
         'duration': 0.1, 'line.duration': 5.0, 'true_robot.m1': 6.0, 'robot.m1': 5.0,
         'law': 'my_law', 'my_law.Kp': 700.0, 'smc.z': 21.0,
-        'robot_model': 'planar_3rrr', 'robot_description': '',
+        'robot_model': 'planar_3rrr', 'robot_description': '', 'robot_compiled': '',
         'custom_robots': [], 'custom_trajectories': [],
     }  # fmt: skip
     assert other['duration'] == 7.0

@@ -137,7 +137,7 @@ def test_each_source_has_the_value_that_counts(write, scenario):
     for key, source in sources.items():
         if key in ('scenario', 'preset'):
             continue
-        if key == 'robot_description':
+        if key in ('robot_description', 'robot_compiled'):
             assert source == 'robot_model'
         elif source == 'robot_description':
             assert values[source].lstrip().startswith('<mujoco')

@@ -176,7 +176,7 @@ def resolve_with_sources(
     layers.append((of_scenario[-1][0], {'scenario': name}))
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
-    sources[DESCRIPTION] = config_files.MODEL
+    sources[DESCRIPTION] = sources[config_files.COMPILED] = config_files.MODEL
     for key in CUSTOM:
         config[key] = absolute_modules(key, config[key])
     with locating(config):

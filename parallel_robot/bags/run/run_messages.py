@@ -270,11 +270,14 @@ def of(
     return RunMessages(states, references, commands, recorded, streams, warnings)
 
 
+APART = 1_000_000_000  # ns, between what two recorders wrote of one message; more is another run
+
+
 def _once(bag: Path, topic: Topic, samples: Samples, warnings: list[str]) -> Samples:
     """Count equal messages of one time once, as of two recorders, with a line in `warnings`."""
     times = samples.log_times if topic == topics.COMMANDS else samples.stamps  # without a stamp
     order = np.argsort(times, kind='stable')
-    again = np.diff(times[order]) == 0
+    again = (np.diff(times[order]) == 0) & (np.diff(samples.log_times[order]) < APART)
     if not again.any():
         return samples
     for numbers in samples.numbers.values():

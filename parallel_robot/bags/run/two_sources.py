@@ -172,7 +172,7 @@ def positions(
         told.append(f'{names}: {factor:g} times the reference: {why}')
     every = error()
     best = every.argmin(axis=1).tolist()
-    wrong = (own > MOVES) & (every.min(axis=1) < 0.1 * own)
+    wrong = moving & (own > MOVES) & (every.min(axis=1) < 0.1 * own)
     if not off and wrong.any() and len({*best}) == len(best):
         what = f'joints are their references in the order {_names(joints, best)}'
         told.append(f'{what}: is --joints in another order?')
