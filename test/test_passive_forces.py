@@ -117,6 +117,9 @@ def test_what_the_file_switches_off_is_off():
     machine = made(arm('damping="2" frictionloss="3" range="-1 1" limited="true"', beside=flags))
     assert machine.viscous == (0, 0) and machine.coulomb == (0, 0)
     assert machine.lower == (-np.inf, -np.inf)
+    flags = '<option><flag constraint="disable"/></option>'
+    machine = made(arm('frictionloss="3" range="-1 1" limited="true"', beside=flags))
+    assert machine.coulomb == (0, 0) and machine.lower == (-np.inf, -np.inf)
     off = '<option actuatorgroupdisable="2"/>'
     motors = '<motor joint="s"/><motor name="idle" joint="e" group="2"/>'
     assert made(arm(motors=motors, beside=off), held=['e']).actuated == ('s',)

@@ -51,6 +51,7 @@ DROPPED = {
     'extension', 'plugin',
 }  # fmt: skip
 REFERENCES = ('material', 'fitscale')  # of shapes to assets
+CONSTRAINTS = 'equality', 'frictionloss', 'limit'  # that the solver makes, and one flag stops
 TORQUE_SCALE = 10  # where the numbers of a weld have it
 NAMES = {'name', 'class', 'childclass', 'model', 'joint', 'site', 'body', 'group'}
 COPIES = 1000  # of bodies that <replicate> may make
@@ -395,7 +396,8 @@ class _Reading:
         """Whether the file switches something off."""
         bits, name = self._mujoco.mjtDisableBit, f'mjDSBL_{flag.upper()}'
         bit = getattr(bits, name) if hasattr(bits, name) else bits.mjDSBL_PASSIVE  # of old ones
-        return bool(self._model.opt.disableflags & int(bit))
+        off = int(bit) | (int(bits.mjDSBL_CONSTRAINT) if flag in CONSTRAINTS else 0)
+        return bool(self._model.opt.disableflags & off)
 
     def _of_fluid(self) -> Iterator[str]:
         """What a medium does, at rates of 1 rad/s or m/s."""
@@ -530,7 +532,7 @@ class _Reading:
         loops, couplings = [], []
         for i in range(model.neq):
             name, kind = self._name(model.equality(i), 'equality', i), int(model.eq_type[i])
-            if not model.eq_active0[i] or self._off('equality') or self._off('constraint'):
+            if not model.eq_active0[i] or self._off('equality'):
                 self._doubts.append(f'equality {printable(name)!r} is not active, so left out')
             elif kind == kinds.mjEQ_JOINT:
                 couplings.append(self._coupling(i, name))
