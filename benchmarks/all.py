@@ -27,7 +27,8 @@ from benchmark_page import PAGE, page
 from graphs import revision
 
 TIMEOUT = 3600.0  # s for one of them
-PACKAGES = ('numpy', 'numba', 'llvmlite', 'mujoco', 'mcap', 'rosbags', 'ros-jazzy-rclpy')
+MUJOCO = 'mujoco-core' if sys.version_info >= (3, 11) else 'mujoco'  # as in setup.py
+PACKAGES = ('numpy', 'numba', 'llvmlite', MUJOCO, 'mcap', 'rosbags', 'ros-jazzy-rclpy')
 BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those of --quick
     'kernels': (['31', '3600'], ['3', '36']),
     'machines': (['31'], ['1']),
