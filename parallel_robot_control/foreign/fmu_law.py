@@ -97,43 +97,27 @@ def _limits(low: float | None, high: float | None) -> tuple[float, float]:
 
 # What an FMU calls what a law gets and gives: a YAML file beside it.
 
-INPUT_ROWS = {  # of the question
-    'position': process.POSITION,
-    'velocity': process.VELOCITY,
-    'reference.position': process.REFERENCE,
-    'reference.velocity': process.REFERENCE_VELOCITY,
-    'reference.acceleration': process.REFERENCE_ACCELERATION,
-    'excess': process.EXCESS,
-    'disturbance': process.DISTURBANCE,
-    'gravity': process.GRAVITY,
+# Unit of hinges, row of the question; of two rows the difference.
+INPUTS: dict[str, tuple[Any, ...]] = {
+    'position': ('rad', process.POSITION),
+    'velocity': ('rad/s', process.VELOCITY),
+    'reference.position': ('rad', process.REFERENCE),
+    'reference.velocity': ('rad/s', process.REFERENCE_VELOCITY),
+    'reference.acceleration': ('rad/s^2', process.REFERENCE_ACCELERATION),
+    'excess': ('N m', process.EXCESS),
+    'disturbance': ('N m', process.DISTURBANCE),
+    'gravity': ('N m', process.GRAVITY),
+    'error': ('rad', process.REFERENCE, process.POSITION),
+    'error_rate': ('rad/s', process.REFERENCE_VELOCITY, process.VELOCITY),
 }
-DIFFERENCES = {  # of two rows
-    'error': (process.REFERENCE, process.POSITION),
-    'error_rate': (process.REFERENCE_VELOCITY, process.VELOCITY),
+# Unit of hinges, empty where it is the law's own; row of the answer.
+RESULTS: dict[str, tuple[Any, ...]] = {
+    'torque': ('N m', process.TORQUE),
+    'sliding_variable': ('', process.SLIDING_VARIABLE),
+    'coupled_error': ('rad', process.COUPLED_ERROR),
 }
-RESULTS = {  # of the answer
-    'torque': process.TORQUE,
-    'sliding_variable': process.SLIDING_VARIABLE,
-    'coupled_error': process.COUPLED_ERROR,
-}
-UNITS = {  # of hinges; that of a sliding variable is the law's own
-    'position': 'rad',
-    'velocity': 'rad/s',
-    'reference.position': 'rad',
-    'reference.velocity': 'rad/s',
-    'reference.acceleration': 'rad/s^2',
-    'excess': 'N m',
-    'disturbance': 'N m',
-    'gravity': 'N m',
-    'error': 'rad',
-    'error_rate': 'rad/s',
-    'torque': 'N m',
-    'coupled_error': 'rad',
-    'age': 's',
-    'time': 's',
-}
+UNITS = {'age': 's', 'time': 's'} | {name: of[0] for name, of in (INPUTS | RESULTS).items()}
 SAYS_NOTHING = (None, '', '-', '1')  # as a unit
-INPUTS = (*INPUT_ROWS, *DIFFERENCES)
 AGE_NAME, FAULT_NAME = 'age', 'fault'  # one number each
 KNOWN = {'inputs': (*INPUTS, AGE_NAME), 'outputs': (*RESULTS, FAULT_NAME)}
 NAME_GROUPS = ('inputs', 'outputs', 'parameters', 'gains')
@@ -203,11 +187,6 @@ def _check(group: str, name: str, value: Any) -> None:
         raise InputError(f'{group}.{name} must be {wanted}, not {value!r}')
 
 
-def names_given(names: Mapping[str, Any], group: str) -> dict[str, Any]:
-    """A group of what :func:`names_beside` says."""
-    return dict(names.get(group, {}))
-
-
 VERSIONS = ('2.0', '3.0')
 NUMBERS = (*FLOATS, 'Boolean', 'Integer', 'Int8', 'UInt8', 'Int16', 'UInt16', 'Int32', 'UInt32')
 PLACES = ('binaries/linux64/', 'binaries/x86_64-linux/')
@@ -269,7 +248,7 @@ class FmuLaw:
         for variable in self._variables.values():
             if variable.causality == 'independent' and self._scale(variable, 'time') != (1.0, 0.0):
                 raise InputError(f'{self._file}: {variable.name} is in {variable.unit}, not in s')
-        groups = {group: names_given(task['names'], group) for group in NAME_GROUPS}
+        groups = {group: dict(task['names'].get(group, {})) for group in NAME_GROUPS}
         self._inputs = self._named(groups['inputs'], 'input', INPUTS)
         if not self._inputs:
             raise InputError(self._without('input', 'position'))
@@ -295,9 +274,9 @@ class FmuLaw:
                 raise InputError(
                     f'parameters.{variable.name} has {_size(variable)} numbers, not {count}'
                 )
-        gains = names_given(task['names'], 'gains')
-        self._gains = [self._of(gain['variable'], 'parameter', FLOATS) for gain in gains.values()]
-        self._chosen = [gain['start'] for gain in gains.values()]
+        gains = groups['gains'].values()
+        self._gains = [self._of(gain['variable'], 'parameter', FLOATS) for gain in gains]
+        self._chosen = [gain['start'] for gain in gains]
         fmpy.extract(self._file, task['folder'])
         os.chdir(task['folder'])  # where it may write
         self._said = ''
@@ -328,12 +307,8 @@ class FmuLaw:
             self._step(self._period)
         n, asked = self._joints, self._question
         for name, variables in self._inputs.items():
-            if name in INPUT_ROWS:
-                begin = n * INPUT_ROWS[name]
-                values = asked[begin : begin + n]
-            else:
-                one, other = DIFFERENCES[name]
-                values = [asked[n * one + k] - asked[n * other + k] for k in range(n)]
+            row, *less = (asked[n * row : n * row + n] for row in INPUTS[name][1:])
+            values = [one - other for one, other in zip(row, *less, strict=True)] if less else row
             self._put(variables, self._foreign(name, values))
         if self._age:
             self._put([self._age], self._foreign(AGE_NAME, [age]))
@@ -341,7 +316,7 @@ class FmuLaw:
             self._call(self._unit.exitInitializationMode)
         self._step(self._period)
         for name, variables in self._outputs.items():
-            begin, scales = n * RESULTS[name], self._scales[name]
+            begin, scales = n * RESULTS[name][1], self._scales[name]
             self._answer[begin : begin + n] = [
                 value * factor + offset if offset else value * factor
                 for value, (factor, offset) in zip(self._get(variables), scales, strict=True)
@@ -440,7 +415,7 @@ class FmuLaw:
         """Factor and offset from the unit that a variable declares to that of the suite."""
         declared = variable.declaredType
         unit, ours = variable.unit or getattr(declared, 'unit', None), UNITS.get(name)
-        if unit in SAYS_NOTHING or ours is None:
+        if unit in SAYS_NOTHING or not ours:
             return 1.0, 0.0
         base = self._units.get(unit)
         fits = [kind for kind in (HINGES, SLIDES) if _fits(unit, base, BASES[kind.of(ours)])]
