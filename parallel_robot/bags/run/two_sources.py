@@ -7,7 +7,7 @@ chattering nor the lag of motors counts.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ UNLIKE = 0.3  # of a signal: more is left where two are different
 NEAR = 0.05  # by which a factor may differ from 1
 ANOTHER = 2.0  # factor from which on, or below its inverse, a number is no longer the other one
 MOVES = 1e-3  # rad or m, rms about the mean
-DEGREES, MILLI = 180.0 / math.pi, 1000.0
+DEGREES, MILLI, OPPOSITE = 180.0 / math.pi, 1000.0, -1.0
 
 
 class Ratio(NamedTuple):
@@ -101,32 +101,29 @@ def efforts(
     joints: Sequence[str], effort: Array, command: Array, period: float, units: JointUnits
 ) -> Contradiction:
     """How measured efforts and the commands before them, each shape (N, n), differ."""
-    silent = [
-        (what, [joints[k] for k in np.flatnonzero(always).tolist()])
-        for what, always in (
-            ('efforts of {} are always 0, the commands are not: are they measured?',
-             ~effort.any(axis=0) & (np.nan_to_num(command) != 0.0).any(axis=0)),
-            ('commands of {} are always 0, the efforts are not: does another controller act?',
-             ~np.nan_to_num(command).any(axis=0) & effort.any(axis=0)),
-        )
-    ]  # fmt: skip
     found = ratio(effort, command, period)
     if found is None:
         return Contradiction()
-    told = [what.format(', '.join(names)) for what, names in silent if names]
+    measured, commanded = effort.any(axis=0), np.nan_to_num(command).any(axis=0)
+    silent = {
+        'efforts of {} are always 0, the commands are not: are they measured?': ~measured
+        & commanded,
+        'commands of {} are always 0, the efforts are not: does another controller act?': (
+            ~commanded & measured
+        ),
+    }
+    told = [
+        what.format(_names(joints, np.flatnonzero(of))) for what, of in silent.items() if of.any()
+    ]
     order, clear = found.order, found.clear()
-    off = {k: factor for k, factor in clear.items() if abs(factor - 1.0) > NEAR}
     permuted = order != sorted(order) and len(clear) == len(order)
     if permuted:
         told.append(f'efforts are the commands in the order {_names(joints, order)}')
-    for factor, names in _alike(joints, off).items():
-        unit = units.of('N m')
-        why = 'currents, percent, or torques before a gear?'
-        if round(factor / MILLI, 1) == 1.0:
-            why = f'are they in m{unit}?'
-        elif factor < 0.0:
-            why = 'is a sign wrong?'
+    off = {k: factor for k, factor in clear.items() if abs(factor - 1.0) > NEAR}
+    causes = {MILLI: f'are they in m{units.of("N m")}?', OPPOSITE: 'is a sign wrong?'}
+    for factor, names, why in _told(joints, off, causes):
         whose = f' of {names}' if len(off) < len(joints) else ''
+        why = why or 'currents, percent, or torques before a gear?'
         told.append(f'efforts{whose} are {factor:g} of the commands: {why}')
     return Contradiction('; '.join(told), permuted or any(map(is_another, off.values())))
 
@@ -141,36 +138,35 @@ def positions(
     position, reference = position[known], reference[known]
     found = ratio(position, reference, period, centred=True)
     size = np.sqrt((reference**2).mean(axis=0))
+    milli = f'm{units.of("rad")}'
+    causes = {
+        OPPOSITE: 'is its sign wrong?',
+        DEGREES: 'are they in degrees?',
+        1.0 / DEGREES: 'are the references in degrees?',
+        MILLI: f'are they in {milli}?',
+        1.0 / MILLI: f'are the references in {milli}?',
+    }
 
     def error(factor: float = 1.0) -> Array:
         """Of each joint by each reference, rms, shape (n, n)."""
         apart = position[:, :, np.newaxis] / factor - reference[:, np.newaxis]
         return np.asarray(np.sqrt((apart**2).mean(axis=0)))
 
-    own, off = np.diag(error()), {}
+    every = error()
+    own, off = np.diag(every), {}
     moving = (position.std(axis=0) > MOVES) & (reference.std(axis=0) > MOVES)
     for k, factor in enumerate(np.diag(found.factors) if found else ()):
         if found and moving[k] and found.left[k, k] < CLEAR and is_another(factor):
             off[k] = float(factor)
-    for factor in (-1.0, DEGREES, 1.0 / DEGREES, MILLI, 1.0 / MILLI):
+    for factor in causes:
         less = np.diag(error(factor))
         near = (own > MOVES) & (less < 0.1 * own) & (less < CLEAR * size)
         off |= {k: factor for k in np.flatnonzero(near).tolist() if k not in off}
-    told = []
-    for factor, names in _alike(joints, off).items():
-        why = 'a gear, or an encoder with another scale?'
-        for unit, of_unit in (
-            (DEGREES, 'degrees'),
-            (MILLI, f'm{units.of("rad")}'),
-        ):
-            if abs(factor / unit - 1.0) < NEAR:
-                why = f'are they in {of_unit}?'
-            elif abs(factor * unit - 1.0) < NEAR:
-                why = f'are the references in {of_unit}?'
-        if factor < 0.0:
-            why = 'is its sign wrong?'
-        told.append(f'{names}: {factor:g} times the reference: {why}')
-    every = error()
+    told = [
+        f'{names}: {factor:g} times the reference: '
+        f'{why or "a gear, or an encoder with another scale?"}'
+        for factor, names, why in _told(joints, off, causes)
+    ]
     best = every.argmin(axis=1).tolist()
     wrong = moving & (own > MOVES) & (every.min(axis=1) < 0.1 * own)
     if not off and wrong.any() and len({*best}) == len(best):
@@ -179,14 +175,19 @@ def positions(
     return Contradiction('; '.join(told), bool(told))
 
 
-def _names(joints: Sequence[str], order: Sequence[int]) -> str:
+def _names(joints: Sequence[str], order: Iterable[int]) -> str:
     return ', '.join(joints[k] for k in order)
 
 
-def _alike(joints: Sequence[str], factors: dict[int, float]) -> dict[float, str]:
-    """Names of the joints by their factors, of which those that are near to each other are one."""
-    found: dict[float, list[str]] = {}
+def _told(
+    joints: Sequence[str], factors: Mapping[int, float], causes: Mapping[float, str]
+) -> Iterator[tuple[float, str, str]]:
+    """Factors, those near to each other as one, with their joints and the cause, or none."""
+    found: dict[float, list[int]] = {}
     for k, factor in factors.items():
         near = [each for each in found if abs(factor / each - 1.0) < NEAR]
-        found.setdefault(near[0] if near else float(f'{factor:.3g}'), []).append(joints[k])
-    return {factor: ', '.join(names) for factor, names in found.items()}
+        found.setdefault(near[0] if near else float(f'{factor:.3g}'), []).append(k)
+    for factor, members in found.items():
+        likely = OPPOSITE if factor < 0.0 else factor
+        why = [text for each, text in causes.items() if abs(likely / each - 1.0) < NEAR]
+        yield factor, _names(joints, members), ''.join(why)

@@ -29,7 +29,10 @@ CLOSE = 0.05  # of what is left
 DISTANT = 0.1  # of the spread of the poses: no robot is so far from its nominal one
 LEAST = 0.01  # m or rad, of the spread
 TENTH = 10.0  # of the noise: with less left there is nothing to explain
-UNITS = {'m': {'mm': 1e-3, 'cm': 1e-2, 'inches': 0.0254}, 'rad': {'degrees': math.pi / 180.0}}
+UNITS = {
+    'm': {'': 1.0, 'lengths in mm': 1e-3, 'lengths in cm': 1e-2, 'lengths in inches': 0.0254},
+    'rad': {'': 1.0, 'angles in degrees': math.pi / 180.0},
+}
 TRIED = 'mm, degrees, mirrored or swapped axes, another frame or target, order and sign of joints'
 
 
@@ -56,7 +59,7 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> Cause | None:
         for each in itertools.combinations(FREE, count)
         if {*free} < {*each}
     ]
-    mirrored = [each for each in _readings(model, seen) if each.simple]
+    readings = [*_readings(model, seen)]
 
     def left(own: Array, seen: Array, free: Collection[str]) -> Array:
         try:
@@ -78,12 +81,13 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> Cause | None:
     if least < TENTH:
         return None
     tried = [
-        *((each.text, own, each.pose, free) for each in _readings(model, seen)),
+        *((text, own, pose, free) for text, pose, _ in readings),
         *((_free_text(each), own, seen, each) for each in other_free),
         *((text, moved[rows], seen, free) for text, moved in _joints(model)),
         *(
-            (f'{each.text} and {_free_text(more)}', own, each.pose, more)
-            for each in mirrored
+            (f'{text} and {_free_text(more)}', own, pose, more)
+            for text, pose, simple in readings
+            if simple
             for more in other_free
         ),
     ]
@@ -103,31 +107,17 @@ def _free_text(free: Collection[str]) -> str:
     return f'{" and ".join(what[each] for each in free)} ({options})'
 
 
-class _Reading(NamedTuple):
-    """Poses read otherwise: how, the poses, shape (N, k), and whether one change makes them."""
-
-    text: str
-    pose: Array
-    simple: bool
-
-
-def _readings(model: PoseModel, seen: Array) -> Iterator[_Reading]:
-    """Poses with other units, axes that are mirrored, and axes that are swapped."""
+def _readings(model: PoseModel, seen: Array) -> Iterator[tuple[str, Array, bool]]:
+    """Poses with other units, mirrored and swapped axes: how, shape (N, k), if by one change."""
     axes = model.robot.module.coordinates(model.robot.parameters)
     names = [axes[k].name for k in model.measured.columns]
     columns = {unit: [k for k, each in enumerate(model.units) if each == unit] for unit in UNITS}
-    scales = [
-        [(1.0, ''), *((size, f'{unit} in {name}') for name, size in UNITS[unit].items())]
-        for unit in UNITS
-    ]
-    for pair in itertools.product(*scales):
-        texts = [text.replace('rad in', 'angles in').replace('m in', 'lengths in', 1)
-                 for _, text in pair if text]  # fmt: skip
+    for texts in itertools.product(*UNITS.values()):
         pose = seen.copy()
-        for (scale, _), unit in zip(pair, UNITS, strict=True):
-            pose[:, columns[unit]] *= scale
-        if texts and not np.array_equal(pose, seen):
-            yield _Reading(' and '.join(texts), pose, simple=True)
+        for text, (unit, scales) in zip(texts, UNITS.items(), strict=True):
+            pose[:, columns[unit]] *= scales[text]
+        if not np.array_equal(pose, seen):
+            yield ' and '.join(filter(None, texts)), pose, True
     turns = columns['rad'] if len(columns['rad']) <= 1 or not columns['m'] else []
     place = columns['m'] or columns['rad']
     signs = [*itertools.product((1.0, -1.0), repeat=len(names) if turns else len(place))]
@@ -138,22 +128,21 @@ def _readings(model: PoseModel, seen: Array) -> Iterator[_Reading]:
             pose[:, changed] = seen[:, taken] * sign[: len(changed)]
             negated = [names[k] for k, one in zip(taken, sign, strict=False) if one < 0.0]
             moved = [names[k] for k, one in zip(changed, taken, strict=True) if k != one]
-            texts = [f'{", ".join(moved)} swapped'] if moved else []
-            texts += [f'{", ".join(negated)} with the other sign (mirrored?)'] if negated else []
-            if texts:
-                yield _Reading(' and '.join(texts), pose, len(moved) + len(negated) <= 2)
+            told = [f'{", ".join(moved)} swapped'] if moved else []
+            told += [f'{", ".join(negated)} with the other sign (mirrored?)'] if negated else []
+            if told:
+                yield ' and '.join(told), pose, len(moved) + len(negated) <= 2
 
 
 def _joints(model: PoseModel) -> Iterator[tuple[str, Array]]:
     """Poses of the nominal robot with two joints swapped, or one with the other sign."""
     n, names = model.track.position.shape[1], model.joints
-    for one, other in itertools.combinations(range(n), 2):
-        order = [*range(n)]
+    pairs = itertools.combinations_with_replacement(range(n), 2)
+    for one, other in sorted(pairs, key=lambda pair: pair[0] == pair[1]):  # swapped ones first
+        order, signs = [*range(n)], np.ones(n)
         order[one], order[other] = other, one
-        poses = model.nominal_at(order, np.ones(n))
+        signs[one] = -1.0 if one == other else 1.0
+        poses = model.nominal_at(order, signs)
         if poses is not None:
-            yield f'the joints {names[one]} and {names[other]} swapped', poses
-    for k in range(n):
-        poses = model.nominal_at([*range(n)], np.where(np.arange(n) == k, -1.0, 1.0))
-        if poses is not None:
-            yield f'{names[k]} with the other sign', poses
+            swapped = f'the joints {names[one]} and {names[other]} swapped'
+            yield swapped if one != other else f'{names[one]} with the other sign', poses
