@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -172,16 +173,14 @@ def workers_of(arguments: argparse.Namespace) -> tuple[Callable[[], Workers], in
         InputError: the options do not fit together.
     """
     # Studies take long to load, and few commands have workers.
-    from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+    from parallel_robot.studies.sweep.sweep import default_workers, worker_count
     from parallel_robot.studies.sweep.workers import Cluster, Processes
 
     if arguments.scheduler is not None:
         if arguments.workers is not None:
             raise InputError('--workers is for processes on this machine, not for --scheduler')
         return lambda: Cluster(arguments.scheduler), 2 * default_workers()
-    count = default_workers() if arguments.workers is None else arguments.workers
-    if not 1 <= count <= MOST_WORKERS:
-        raise InputError(f'--workers must be from 1 to {MOST_WORKERS}, not {count}')
+    count = worker_count(arguments.workers, '--workers')
     return lambda: Processes(count), count
 
 
@@ -222,6 +221,12 @@ def tell(form: str | None, *lines: str) -> None:
     """Print lines on what is no result, such as files: in text alone."""
     if form in (None, TEXT):
         print(*lines, sep='\n', end='\n' if lines else '')
+
+
+def warn(lines: Iterable[object]) -> None:
+    """Print what to doubt of results, one line each."""
+    for line in lines:
+        print(f'warning: {line}', file=sys.stderr)
 
 
 def _finite(data: Any) -> Any:

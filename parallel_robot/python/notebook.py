@@ -36,8 +36,8 @@ from parallel_robot.studies.sweep import store
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.store import RUNS
 from parallel_robot.studies.sweep.study import file_of, parse, read
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
 from parallel_robot.studies.sweep.sweep import sweep as run_sweep
+from parallel_robot.studies.sweep.sweep import worker_count
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control import law_loader
 from parallel_robot_control.messages import NO_FAULT
@@ -51,7 +51,6 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of
-from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
 from parallel_robot_sim.scenario_run import Run, named, simulate
@@ -75,10 +74,7 @@ class Picture:
         Raises:
             InputError: the suffix is of no picture format, or the file cannot be written.
         """
-        try:
-            figures.save(self.figure, path)
-        except OSError as error:
-            raise InputError(f'cannot write {path}: {error.strerror}') from None
+        figures.save(self.figure, path)
 
     def __repr__(self) -> str:
         return 'Picture'
@@ -403,8 +399,7 @@ def sweep(
     names = None if listed is None else [*map(law_loader.name_of, listed)]
     files = law_loader.files_of(listed or (), values)
     asked = parse(text, name, folder, names).changed(runs, values | files)
-    given = default_workers() if workers is None else workers
-    count = check('workers', int, Field('', '', 1, MOST_WORKERS), given)
+    count = worker_count(workers, 'workers')
     directory = arguments.path('out', out)
     run_sweep(plan(asked), asked.text, directory, Processes(count), count)
     frame: Frame = frames.read_parquet(directory / RUNS)

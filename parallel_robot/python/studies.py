@@ -17,7 +17,7 @@ from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
 from parallel_robot.studies.benchmark.result import Scores
 from parallel_robot.studies.calm import REST
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+from parallel_robot.studies.sweep.sweep import worker_count
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot.studies.tuning import tuned
 from parallel_robot.studies.tuning.held_out import Compared, compare
@@ -34,7 +34,6 @@ from parallel_robot.studies.verification import (
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.errors import Frame, InputError, pandas
 from parallel_robot_model.configuration.config_files import machine_file, with_file_contents
-from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import Placed
 from parallel_robot_model.robots.robot_checks import FINE
 from parallel_robot_sim.scenario_run import changes, named
@@ -72,8 +71,7 @@ def benchmark(
         InputError: something in the arguments is wrong, or the directory is of another benchmark.
         RunError: workers cannot run it, or the disk is full; what is finished is kept.
     """
-    count = default_workers() if workers is None else workers
-    count = check('workers', int, Field('', '', 1, MOST_WORKERS), count)
+    count = worker_count(workers, 'workers')
     asked = read(named('protocol', protocol), quick, phrase)
     judged = competitors([named('law', law) for law in laws])
     return benchmarked(asked, phrase, judged, arguments.path('out', out), lambda: Processes(count))
@@ -229,7 +227,10 @@ def tune(
         improvement=improvement,
         seed=seed,
         weights=None if weights is None else ','.join(f'{k}={v}' for k, v in weights.items()),
-        bounds=[f'{gain}={_among(each)}' for gain, each in (bounds or {}).items()],
+        bounds=[
+            f'{gain}={":".join(map(str, each)) if isinstance(each, tuple) else each}'
+            for gain, each in (bounds or {}).items()
+        ],
         search=search,
         break_conditions=break_conditions,
         pick=pick,
@@ -237,11 +238,6 @@ def tune(
         workers=workers,
     )
     return tuned.tune(asked, changes(param_file, values), arguments.path('out', out))
-
-
-def _among(given: Any) -> str:
-    """Where a gain is searched, as the command has it."""
-    return ':'.join(map(str, given)) if isinstance(given, tuple) else str(given)
 
 
 # Robots checked, broken bags recovered, tunings drawn.

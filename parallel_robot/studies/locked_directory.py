@@ -7,7 +7,7 @@ import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, ClassVar, TypeVar
@@ -27,9 +27,15 @@ class LockedDirectory(abc.ABC):
     FIRST: ClassVar[Collection[str]] = ()  # what else may be there before the manifest is
     FORMAT: ClassVar[str]  # entry ``format`` of the manifest
 
-    def __init__(self, directory: Path) -> None:
-        """Prepare to open `directory`."""
+    def __init__(self, directory: Path, identity: Mapping[str, Any]) -> None:
+        """Prepare to open it, or to go on in it.
+
+        Args:
+            directory: The directory.
+            identity: What its results depend on, plain data by name; another one is refused.
+        """
         self.directory = directory
+        self._identity = json.loads(json.dumps(dict(identity)))
         self.new = False  # whether it had no manifest when it was opened
         self._lock: IO[str] | None = None
 
@@ -92,10 +98,38 @@ class LockedDirectory(abc.ABC):
         kept = f'{self._kept()} are kept, the same command continues'
         return RunError(f'cannot write {path}: {cause}; {kept}')
 
-    def _write_manifest(self, content: dict[str, Any]) -> None:
-        text = json.dumps({'format': self.FORMAT, **content}, indent=1)
-        with self.writing(self.directory / self.MANIFEST) as stream:
-            stream.write(text.encode())
+    def write(self, name: str, content: bytes) -> None:
+        """Write a file in place of an older one; it is complete or as it was.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        with self.writing(self.directory / name) as stream:
+            stream.write(content)
+
+    def _identify(self) -> None:
+        """Write what the results depend on, or refuse to mix those that depend on another one."""
+        if self.new:
+            self._write_manifest()
+            return
+        found = self.manifest(self.directory)
+        for key, value in self._identity.items():
+            if found.get(key) != value:
+                what = f'{self.directory} holds a {self.KIND} with another {key}'
+                raise InputError(f'{what}; choose another --out')
+
+    def _write_manifest(self) -> None:
+        text = json.dumps({'format': self.FORMAT, **self._identity}, indent=1)
+        self.write(self.MANIFEST, text.encode())
+
+    def _whole_lines(self, name: str) -> bytes:
+        """Content of a file, from which a last line that a kill or a full disk cut is taken."""
+        with (self.directory / name).open('ab+') as stream:
+            stream.seek(0)
+            content = stream.read()
+            whole = content[: content.rfind(b'\n') + 1]
+            stream.truncate(len(whole))
+        return whole
 
     @classmethod
     def manifest(cls, directory: Path) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,11 +58,10 @@ class Store(LockedDirectory):
             directory: The directory.
             identity: What the runs depend on, plain data by name; another one is refused.
         """
-        super().__init__(directory)
+        super().__init__(directory, identity)
         self.runs: dict[RunKey, RunFigures] = {}  # what came of each run
         # sample to its limit by chattering; None where it has none
         self.limits: dict[int, Calm | None] = {}
-        self._identity = json.loads(json.dumps(dict(identity)))
 
     @property
     def searches(self) -> Path:
@@ -84,15 +83,6 @@ class Store(LockedDirectory):
         self.limits |= limits
         self.runs |= runs
 
-    def write(self, name: str, content: bytes) -> None:
-        """Write a file in place of an older one; it is complete or as it was.
-
-        Raises:
-            RunError: it cannot be written.
-        """
-        with self.writing(self.directory / name) as stream:
-            stream.write(content)
-
     def _kept(self) -> str:
         return f'{len(self.runs)} runs'
 
@@ -109,16 +99,7 @@ class Store(LockedDirectory):
 
     def _open(self) -> None:
         self.searches.mkdir(exist_ok=True)
-        if self.new:
-            self._write_manifest(self._identity)
-        else:
-            held = self.manifest(self.directory)
-            for key, value in self._identity.items():
-                if held.get(key) != value:
-                    raise InputError(
-                        f'{self.directory} holds a benchmark with another {key}; '
-                        'choose another --out'
-                    )
+        self._identify()
         for line in self._lines(LIMITS):
             sample, calm = line
             self.limits[sample] = None if calm is None else Calm(*map(np.asarray, calm))
@@ -127,17 +108,10 @@ class Store(LockedDirectory):
             self.runs[RunKey(law, gains, sample)] = RunFigures(status, reason, *numbers)
 
     def _lines(self, name: str) -> list[Any]:
-        """Whole lines of a file, from which a last one that a kill cut is taken away."""
-        path = self.directory / name
-        stream: IO[bytes]
-        with path.open('ab+') as stream:
-            stream.seek(0)
-            content = stream.read()
-            whole = content[: content.rfind(b'\n') + 1]
-            stream.truncate(len(whole))
         try:
-            return [json.loads(line) for line in whole.splitlines()]
+            return [json.loads(line) for line in self._whole_lines(name).splitlines()]
         except ValueError:
+            path = self.directory / name
             raise InputError(f'{path} cannot be read; choose another --out') from None
 
 
@@ -224,8 +198,8 @@ def by_label(runs: Sequence[ScoredRun]) -> dict[str, dict[str, Summary]]:
 def as_data(summary: Summary) -> dict[str, Any]:
     """A summary as plain data."""
     return {
-        'score': [*_ends(summary.median)],
-        'tail': [*_ends(summary.tail)],
+        'score': [*summary.median],
+        'tail': [*summary.tail],
         'runs': summary.runs,
         'failed': summary.failed,
         'below_limit': summary.below,
@@ -236,10 +210,6 @@ def as_data(summary: Summary) -> dict[str, Any]:
             )
         },
     }
-
-
-def _ends(estimate: Estimate) -> tuple[float, float, float]:
-    return estimate.value, estimate.low, estimate.high
 
 
 def _estimate(scores: Array, scramble: NDArray[np.int64], share: float) -> Estimate:

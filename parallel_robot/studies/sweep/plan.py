@@ -161,7 +161,7 @@ class Plan:
     def _row(self, case: Case, number: int, sample: int, points: list[float]) -> Row:
         overrides = dict(case.overrides)
         drawn: dict[str, float | str] = {}
-        seed = seed_of(self.study, sample)
+        seed = int(_sequence(self.study.seed, sample, 1).generate_state(1)[0] >> 1)
         if SEED in case.nominal:
             overrides[SEED] = seed
         begin = 0
@@ -251,11 +251,6 @@ def sample(study: Study, dimensions: int, first: int, count: int) -> NDArray[np.
 def sampling(study: Study) -> str:
     """How the uncertainty is sampled, in words."""
     return study.method + (f', {study.scrambles} scrambles' if study.scrambles > 1 else '')
-
-
-def seed_of(study: Study, sample: int) -> int:
-    """Seed of the runs of a sample."""
-    return int(_sequence(study.seed, sample, 1).generate_state(1)[0] >> 1)
 
 
 @functools.lru_cache(maxsize=8)  # the laws of a scenario ask for the same

@@ -175,7 +175,14 @@ class Store(LockedDirectory):
             plan: The plan.
             text: The file of the study.
         """
-        super().__init__(directory)
+        content = {
+            'version': version(),
+            'runs': plan.study.runs,
+            'scenarios': list(plan.study.scenarios),
+            'set': plain(dict(plan.study.fixed)),
+            'study': plan.description(),
+        }
+        super().__init__(directory, content)
         self._plan = plan
         self._text = text
         self._schema = schema(plan)
@@ -248,22 +255,12 @@ class Store(LockedDirectory):
         if not self.new:
             self._check(manifest_of(self.directory))
         (self.directory / PARTS).mkdir(exist_ok=True)
-        with self.writing(self.directory / STUDY) as stream:
-            stream.write(self._text.encode())
-        self._write_manifest(self._content())
+        self.write(STUDY, self._text.encode())
+        self._write_manifest()
         self._find_done()
 
     def _kept(self) -> str:
         return f'{int(self.done.sum())} of {len(self.done)} rows'
-
-    def _content(self) -> dict[str, Any]:
-        return {
-            'version': version(),
-            'runs': self._plan.study.runs,
-            'scenarios': list(self._plan.study.scenarios),
-            'set': plain(dict(self._plan.study.fixed)),
-            'study': self._plan.description(),
-        }
 
     def _check(self, found: dict[str, Any]) -> None:
         """Refuse to mix rows of different studies or versions, or to drop some."""

@@ -109,21 +109,21 @@ def _numbers(results: Results) -> Iterator[list[Any]]:
     for scenario, result in results.items():
         for name, level in result.levels.items():
             row = [scenario, '', f'median of {name}', result.quantities[0].unit]
-            yield [*row, *_ends(level.median), len(level.values)]
+            yield [*row, *level.median, len(level.values)]
         for law, found in result.laws.items():
             total = sum(found.runs.values())
             for quantity, median in zip(result.quantities, found.medians, strict=True):
                 name = f'median of {quantity.name}'
-                yield [scenario, law, name, quantity.unit, *_ends(median), total]
+                yield [scenario, law, name, quantity.unit, *median, total]
             for status, count in sorted(found.runs.items()):
                 yield [scenario, law, f'runs {status}', '', count, '', '', total]
             for driver in found.drivers:
                 name = f'partial rank correlation of the error with {driver.parameter}'
-                yield [scenario, law, name, '', *_ends(driver.correlation), total]
+                yield [scenario, law, name, '', *driver.correlation, total]
         for duel in result.duels:
             total = sum(result.laws[duel.winner].runs.values())
             name = f'probability of a smaller error than {duel.loser}'
-            yield [scenario, duel.winner, name, '', *_ends(duel.probability), total]
+            yield [scenario, duel.winner, name, '', *duel.probability, total]
             name = f'p of a smaller error than {duel.loser}, corrected by Holm'
             yield [scenario, duel.winner, name, '', duel.p, '', '', total]
 
@@ -178,7 +178,7 @@ def _tables(
             written(duel.winner),
             written(duel.loser),
             _with_interval(duel.probability, 3),
-            _p(duel.p),
+            f'{duel.p:.1g}' if duel.p < LEVEL else f'{duel.p:.2f}, open',
         ]
         for duel in result.duels
     ]
@@ -202,14 +202,6 @@ def _with_interval(estimate: Estimate, digits: int | None = None) -> str:
         return shown(value) if digits is None else f'{value:.{digits}f}'
 
     return f'{text(estimate.value)} [{text(estimate.low)}, {text(estimate.high)}]'
-
-
-def _p(value: float) -> str:
-    return f'{value:.1g}' if value < LEVEL else f'{value:.2f}, open'
-
-
-def _ends(estimate: Estimate) -> tuple[float, float, float]:
-    return estimate.value, estimate.low, estimate.high
 
 
 def cells(row: Sequence[str], tag: str) -> str:

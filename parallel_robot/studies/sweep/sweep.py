@@ -17,6 +17,7 @@ from parallel_robot.studies.sweep.store import RUNS, Store, schema, table
 from parallel_robot.studies.sweep.summary import Results
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.configuration.fields import Field, check
 
 MOST_WORKERS = 1024
 FILES = ('summary.txt', 'summary.csv', 'summary.tex', 'summary.html')
@@ -92,6 +93,17 @@ def progress(total: int, done: int, unit: str) -> Iterator[Any]:
 def default_workers() -> int:
     """One worker for each core that this process may use."""
     return len(os.sched_getaffinity(0))
+
+
+def worker_count(workers: int | None, name: str) -> int:
+    """How many workers are asked for, by an option or argument of this name.
+
+    Raises:
+        InputError: they are none, or too many.
+    """
+    given = default_workers() if workers is None else workers
+    count: int = check(name, int, Field('', '', 1, MOST_WORKERS), given)
+    return count
 
 
 def summarise(plan: Plan, directory: Path) -> Results:

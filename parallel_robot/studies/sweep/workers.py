@@ -14,8 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection, wait
-from types import TracebackType
-from typing import IO, Any, Protocol
+from typing import IO, Any, TypeAlias
 
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task
 from parallel_robot_model.common.errors import InputError, RunError, first_line
@@ -28,35 +27,6 @@ ONE_THREAD = {
 MOST_LOSSES = 3  # workers that one row may cost
 MOST_UNREADY = 10  # processes that may be killed before they are ready
 END_TIMEOUT = 5.0  # s, until a worker that is told to end is killed
-
-
-class Workers(Protocol):
-    """Workers that run tasks; a context manager, at whose end they are given up."""
-
-    def __enter__(self) -> Workers:
-        """Reach them; processes start with their first tasks."""
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Give them up, with the tasks that they still have."""
-
-    @property
-    def slots(self) -> int:
-        """Number of tasks that keep all of them busy."""
-
-    def submit(self, task: Task) -> None:
-        """Give a task to one of them."""
-
-    def wait(self) -> list[tuple[Task, list[Outcome] | None]]:
-        """Wait for a task; returns those that ended, None where the worker was lost.
-
-        Raises:
-            RunError: workers cannot run tasks at all.
-        """
 
 
 def completed(workers: Workers, tasks: Iterator[Task]) -> Iterator[tuple[Task, list[Outcome]]]:
@@ -144,7 +114,11 @@ class Processes:
         self._distribute()
 
     def wait(self) -> list[tuple[Task, list[Outcome] | None]]:
-        """Wait for a task, see :class:`Workers`."""
+        """Wait for a task; return those that ended, None where the worker was lost.
+
+        Raises:
+            RunError: workers cannot run tasks at all.
+        """
         ended: list[tuple[Task, list[Outcome] | None]] = []
         while not ended:
             pipes = {worker.pipe: worker for worker in self._workers}
@@ -273,7 +247,7 @@ class Cluster:
         future.add_done_callback(self._ended.put)
 
     def wait(self) -> list[tuple[Task, list[Outcome] | None]]:
-        """Wait for a task, see :class:`Workers`."""
+        """Wait for a task, see :meth:`Processes.wait`."""
         while True:
             with contextlib.suppress(queue.Empty):
                 future = self._ended.get(timeout=HEARTBEAT)
@@ -296,6 +270,9 @@ class Cluster:
             raise RunError(f'the scheduler {self._address} gave up a task: {future.status}')
         outcomes: list[Outcome] = future.result()
         return outcomes
+
+
+Workers: TypeAlias = Processes | Cluster
 
 
 # A worker process of a sweep: it runs the tasks that come through a pipe.

@@ -6,7 +6,6 @@ objectives of each.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -49,10 +48,9 @@ class Store(LockedDirectory):
             space: The search space.
             identity: What the trials depend on, plain data by name; another one is refused.
         """
-        super().__init__(directory)
+        super().__init__(directory, identity)
         self.trials: dict[int, Trial] = {}  # finished trials by number
         self._space = space
-        self._identity = json.loads(json.dumps(dict(identity)))
         self._study: Any = None
 
     def add(self, trial: Trial) -> None:
@@ -72,42 +70,18 @@ class Store(LockedDirectory):
             raise self._full(self.directory / JOURNAL, error) from None
         self.trials[trial.number] = trial
 
-    def write(self, name: str, content: bytes) -> None:
-        """Write a file in place of an older one; it is complete or as it was.
-
-        Raises:
-            RunError: it cannot be written.
-        """
-        with self.writing(self.directory / name) as stream:
-            stream.write(content)
-
     def _kept(self) -> str:
         return f'{len(self.trials)} trials'
 
     def _open(self) -> None:
-        if self.new:
-            self._write_manifest(self._identity)
-        else:
-            self._check()
+        self._identify()
         self._load()
-
-    def _check(self) -> None:
-        """Refuse to mix trials that depend on different things."""
-        found = self.manifest(self.directory)
-        for key, value in self._identity.items():
-            if found.get(key) != value:
-                raise InputError(
-                    f'{self.directory} holds a tuning with another {key}; choose another --out'
-                )
 
     def _load(self) -> None:
         """Read the trials of the journal, without a last line that a kill or a full disk cut."""
         optuna = library()
         journal = self.directory / JOURNAL
-        with journal.open('ab+') as stream:
-            stream.seek(0)
-            content = stream.read()
-            stream.truncate(content.rfind(b'\n') + 1)
+        self._whole_lines(JOURNAL)
         backend = optuna.storages.journal.JournalFileBackend(str(journal), lock_obj=_Locked())
         try:
             self._study = optuna.create_study(

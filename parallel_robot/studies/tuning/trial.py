@@ -55,13 +55,6 @@ class Trial:
         return self.violation < FORBIDDEN
 
 
-def forbidden(
-    number: int, chosen: Mapping[str, Value] | None, gains: Mapping[str, Any], reason: str
-) -> Trial:
-    """A trial of gains that the theory of the law forbids."""
-    return Trial(number, chosen, gains, violation=FORBIDDEN, reason=reason)
-
-
 def evaluated(
     number: int,
     chosen: Mapping[str, Value] | None,
@@ -139,11 +132,6 @@ class Verdict:
         else:
             what = f'the best improved by {share:.2g} % within the last {patience} trials'
         return f'not converged: {what}; go on with --trials {self.trials + patience}'
-
-
-def patience_for(gains: int) -> int:
-    """How many trials without improvement a search of so many gains takes to converge."""
-    return max(FEWEST_TRIALS, JUDGED_EACH * gains)
 
 
 def judge_convergence(best: Sequence[float], ran: Sequence[bool], rule: Rule) -> Verdict:

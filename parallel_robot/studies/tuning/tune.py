@@ -20,6 +20,7 @@ from parallel_robot.studies.tuning.space import Space, Value, objection
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import (
     BATCH,
+    FORBIDDEN,
     FRONT,
     MEASURES,
     Effort,
@@ -29,7 +30,6 @@ from parallel_robot.studies.tuning.trial import (
     Verdict,
     Weights,
     evaluated,
-    forbidden,
     judge_convergence,
     propose,
     within,
@@ -216,7 +216,7 @@ def _run_batch(
         gains = dict(tuning.space.default) if number == 0 else tuning.space.gains(choice or {})
         reason = objection(tuning.space, law, gains, joints)
         if reason:
-            store.add(forbidden(number, choice, gains, reason))
+            store.add(Trial(number, choice, gains, violation=FORBIDDEN, reason=reason))
             yield store.trials[number]
         else:
             trials[number] = choice, gains

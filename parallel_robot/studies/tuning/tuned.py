@@ -10,7 +10,7 @@ from typing import Any
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.study import Study, Variant
-from parallel_robot.studies.sweep.sweep import MOST_WORKERS, default_workers
+from parallel_robot.studies.sweep.sweep import worker_count
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot.studies.tuning import output, trial
 from parallel_robot.studies.tuning.front import choose, front
@@ -100,7 +100,8 @@ class Asked:
         """
         patience = self.patience
         if patience is None:
-            patience = trial.patience_for(len(tuning.space.varied))
+            least = trial.JUDGED_EACH * len(tuning.space.varied)
+            patience = max(trial.FEWEST_TRIALS, least)
         patience = check('--patience', int, Field('', '', 1, MOST_TRIALS), patience)
         percent = check('--improvement', float, Field('%', '', 0.0, 100.0), self.improvement)
         return trial.Rule(patience, percent / 100.0)
@@ -119,16 +120,6 @@ class Asked:
         if self.pick is not None:
             check('--pick', int, Field('', '', 0, trials - 1), self.pick)
         return trials
-
-    def processes(self) -> int:
-        """How many processes run them.
-
-        Raises:
-            InputError: the option is wrong.
-        """
-        workers = default_workers() if self.workers is None else self.workers
-        count: int = check('--workers', int, Field('', '', 1, MOST_WORKERS), workers)
-        return count
 
     def varied(self, fixed: Mapping[str, Any]) -> Study:
         """The study of the law in the scenario alone.
@@ -260,7 +251,7 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
     files = law_loader.files_of([asked.law], fixed)
     tuning = replace(asked, law=law_loader.name_of(asked.law)).tuning(merged([fixed, files]))
     rule = asked.rule(tuning)
-    count, workers = asked.count(rule), Processes(asked.processes())
+    count, workers = asked.count(rule), Processes(worker_count(asked.workers, '--workers'))
     fields = unit_of(tuning.law)
     with Store(out, tuning.space, tuning.identity()) as store:
         found = run(tuning, store, count, workers, rule if asked.until_converged else None)
