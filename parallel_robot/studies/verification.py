@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +20,6 @@ from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.robots.described.default_values import at_home
 from parallel_robot_model.robots.registry import (
     KERNELS,
-    RobotModel,
     load_robots,
     resolve,
     robot_of,
@@ -94,24 +93,41 @@ def verify(kind: str, numbers: Iterable[int], seed: int, duration: float) -> lis
         RunError: no motion was found that stays in the workspace.
     """
     base = resolve(SCENARIOS[kind])
-    return [_compared(kind, base, number, seed, duration) for number in numbers]
+
+    def drawn(random: np.random.Generator, _: int) -> tuple[dict[str, Any], Array]:
+        values = _drawn(kind, base, random)
+        return values, torques(TORQUE[kind], len(values['joints']), duration, values, random)
+
+    what = f'robot {{}} of {kind}'
+    return [_compared(what, drawn, MujocoRobot, number, seed) for number in numbers]
 
 
 def _compared(
-    kind: str, base: Mapping[str, Any], number: int, seed: int, duration: float
+    what: str,
+    drawn: Callable[[np.random.Generator, int], tuple[dict[str, Any], Array]],
+    model: type[MujocoRobot | MujocoMachine],
+    number: int,
+    seed: int,
 ) -> Difference:
     """Draw one robot and a motion until the motion stays in the workspace; compare the poses."""
     random = np.random.default_rng([seed, number])
-    for _ in range(DRAWS):
-        values = _drawn(kind, base, random)
-        moved_by = torques(TORQUE[kind], len(values['joints']), duration, values, random)
+    for draw in range(DRAWS):
+        values, moved_by = drawn(random, draw)
         try:
-            ours = poses(values, moved_by)
+            plant = Simulator(configure_plant(values))
+            ours = _poses(plant, moved_by, ())
+            robot, pose = robot_of(values, 'true_robot'), values['plant.initial_pose']
+            other = model(robot, pose, values['friction.viscous'])
         except RunError:
             continue
-        plant = MujocoRobot(*bodies(values))
-        return difference(number, ours, mujoco_poses(plant, moved_by, values['period']))
-    raise RunError(f'robot {number} of {kind}: no motion was found that stays in the workspace')
+        except InputError as error:
+            if error.key == 'plant.initial_pose':  # out of reach
+                continue
+            raise
+        theirs = _poses(other, moved_by, (values['period'],))
+        apart, path = np.abs(ours - theirs).max(), np.ptp(ours, axis=0).max()
+        return Difference(number, float(apart), float(path))
+    raise RunError(f'{what.format(number)}: no motion was found that stays in the workspace')
 
 
 def _drawn(kind: str, base: Mapping[str, Any], random: np.random.Generator) -> dict[str, Any]:
@@ -141,36 +157,13 @@ def torques(
     return amplitude * np.sin(2.0 * math.pi * frequency * time + phase)
 
 
-def poses(values: Mapping[str, Any], torques: Array) -> Array:
-    """Poses of the suite's plant, shape (N + 1, m)."""
-    plant = Simulator(configure_plant(values))
+def _poses(plant: Any, torques: Array, period: tuple[float, ...]) -> Array:
+    """Poses of a plant under torques, each held over a period, shape (N + 1, m)."""
     found = [np.array(plant.pose)]
     for torque in torques:
-        plant.advance(torque)
+        plant.advance(torque, *period)
         found.append(np.array(plant.pose))
     return np.array(found)
-
-
-def bodies(values: Mapping[str, Any]) -> tuple[RobotModel, Array, Sequence[float]]:
-    """What MuJoCo builds a robot of: it, its initial pose, and its viscous friction."""
-    robot = robot_of(values, 'true_robot')
-    return robot, values['plant.initial_pose'], values['friction.viscous']
-
-
-def mujoco_poses(plant: MujocoRobot | MujocoMachine, torques: Array, period: float) -> Array:
-    """Poses of a robot in MuJoCo under torques, each held over a period, shape (N + 1, m)."""
-    found = [plant.pose]
-    for torque in torques:
-        plant.advance(torque, period)
-        found.append(plant.pose)
-    return np.array(found)
-
-
-def difference(number: int, ours: Array, theirs: Array) -> Difference:
-    """How far two motions are apart, each of shape (N + 1, m)."""
-    return Difference(
-        number, float(np.abs(ours - theirs).max()), float(np.ptp(ours, axis=0).max())
-    )
 
 
 # One robot against its contract: whether its functions describe one machine.
@@ -296,38 +289,17 @@ def verify_machine(
     robot = robot_of(base)
     module: Any = robot.module
     machine = module.machine(robot.parameters)
-    return [_compared_machine(given, base, machine, each, seed, duration) for each in numbers]
-
-
-def _compared_machine(
-    given: Mapping[str, Any],
-    base: Mapping[str, Any],
-    machine: Machine,
-    number: int,
-    seed: int,
-    duration: float,
-) -> Difference:
-    """Draw masses and a motion until the motion stays in the workspace; compare the poses."""
-    random = np.random.default_rng([seed, number])
     inertia, gravity, _ = at_home(machine)
     units = np.where([unit == 'm' for unit in machine.units], machine.mechanism.length, 1.0)
     left = np.asarray(base['plant.torque_limit']) - np.abs(gravity)  # MuJoCo's motors have none
     largest = np.minimum(PUSH * inertia * units, left)
-    for draw in range(DRAWS):
+
+    def drawn(random: np.random.Generator, draw: int) -> tuple[dict[str, Any], Array]:
         values = _drawn_machine(given, base, machine, random)
         push = 0.5 ** (draw // CALMER) * largest
-        moved_by = gravity + torques(push, len(inertia), duration, base, random)
-        try:
-            ours = poses(values, moved_by)
-            plant = MujocoMachine(*bodies(values))
-        except RunError:
-            continue
-        except InputError as error:
-            if error.key == 'plant.initial_pose':  # out of reach
-                continue
-            raise
-        return difference(number, ours, mujoco_poses(plant, moved_by, base['period']))
-    raise RunError(f'variant {number}: no motion was found that stays in the workspace')
+        return values, gravity + torques(push, len(inertia), duration, base, random)
+
+    return [_compared('variant {}', drawn, MujocoMachine, each, seed) for each in numbers]
 
 
 def _drawn_machine(
