@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from rich.columns import Columns
 from rich.console import Group, RenderableType
@@ -22,7 +22,6 @@ from parallel_robot.watch.robots import (
     OK,
     SILENT,
     WARNING,
-    Graph,
     JointAngle,
     Report,
     Robot,
@@ -31,6 +30,9 @@ from parallel_robot.watch.robots import (
 )
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.processes.realtime import LOCKED
+
+if TYPE_CHECKING:
+    from parallel_robot.watch.ros_graph import RosGraph
 
 # What a terminal shows of a robot, drawn by rich; plain text where there is no colour.
 
@@ -278,7 +280,9 @@ class Top(App[None]):
     ]
     ENABLE_COMMAND_PALETTE = False
 
-    def __init__(self, robots: Robots, graph: Graph, domain: str, namespace: str | None) -> None:
+    def __init__(
+        self, robots: Robots, graph: RosGraph, domain: str, namespace: str | None
+    ) -> None:
         """Prepare.
 
         Args:

@@ -8,7 +8,7 @@ import re
 import subprocess
 import time
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from parallel_robot.live import source
 from parallel_robot.live.frames import Camera, Motion, MotionBuffer, States
 from parallel_robot.live.recording import Recording
 from parallel_robot.live.source import RefusedError
-from parallel_robot.watch.robots import Robots, Tell
+from parallel_robot.watch.robots import Robots
 from parallel_robot_control.configuration import available, nominal_of
 from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError
@@ -28,6 +28,9 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import differs
+
+if TYPE_CHECKING:
+    from parallel_robot.live.ros_live_graph import LiveGraph
 
 # The configuration of a graph from what its nodes say, and values for its parameters.
 
@@ -105,44 +108,10 @@ def _number(key: str, value: Any) -> float:
 # Which robot of a graph is watched, and what its nodes say of themselves.
 
 
-class Graph(Protocol):
-    """What is needed of ros_live_graph.LiveGraph."""
-
-    parameters: dict[str, dict[str, Any]]
-    descriptions: dict[str, dict[str, Any]]
-
-    def watch(self, namespace: str) -> None:
-        """Read one robot, by its namespace."""
-
-    def look(self) -> None:
-        """Take all that has come."""
-
-    def heard(self, topic: topics.Topic, joints: tuple[str, ...]) -> Any:
-        """Messages of states or references since the last call."""
-
-    def ask_parameters(self) -> None:
-        """Ask the nodes for their parameters, where they are not known."""
-
-    def forget(self) -> None:
-        """Ask for all parameters anew."""
-
-    def set_parameter(self, node: str, key: str, value: Any, tell: Tell) -> None:
-        """Change a parameter of a node."""
-
-    def emergency_stop(self, tell: Tell) -> None:
-        """Begin the safe action."""
-
-    def clear_fault(self, tell: Tell) -> None:
-        """End the safe action."""
-
-    def reset(self, tell: Tell) -> None:
-        """Put the robot back to its start."""
-
-
 class Watched:
     """The robot of a namespace, or the first that is heard."""
 
-    def __init__(self, graph: Graph, robots: Robots, namespace: str | None) -> None:
+    def __init__(self, graph: LiveGraph, robots: Robots, namespace: str | None) -> None:
         """Watch.
 
         Args:
@@ -180,7 +149,7 @@ class GraphSource:
 
     def __init__(
         self,
-        graph: Graph,
+        graph: LiveGraph,
         robots: Robots,
         recording: Recording,
         namespace: str | None,

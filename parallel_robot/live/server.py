@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from functools import partial
 from importlib.resources import files as resources
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from aiohttp import WSMsgType, web
 
@@ -70,7 +70,10 @@ class File(NamedTuple):
 def files() -> dict[str, File]:
     """All files by path."""
     found = {
-        path: File(resources(package).joinpath(name).read_bytes(), _kind(name))
+        path: File(
+            resources(package).joinpath(name).read_bytes(),
+            KINDS[name.rpartition('.')[2] if '.' in name else ''],
+        )
         for path, (package, name) in FILES.items()
     }
     themes = {':root': 'light', ":root[data-theme='dark']": 'dark'}
@@ -82,23 +85,9 @@ def files() -> dict[str, File]:
     return found
 
 
-def _kind(name: str) -> str:
-    return KINDS[name.rpartition('.')[2] if '.' in name else '']
-
-
 # What all browsers share: the newest frames and texts. Whoever is slow gets the newest alone.
 
 BACKLOG = 450  # frames that a browser gets when it begins: 15 s
-
-
-class Socket(Protocol):
-    """What is needed of a WebSocket; both wait while the browser does not read."""
-
-    async def send_str(self, data: str) -> None:
-        """Send a text."""
-
-    async def send_bytes(self, data: bytes) -> None:
-        """Send bytes."""
 
 
 class Hub:
@@ -132,7 +121,7 @@ class Hub:
         woken, self._news = self._news, asyncio.Event()
         woken.set()
 
-    async def pass_on(self, socket: Socket) -> None:
+    async def pass_on(self, socket: web.WebSocketResponse) -> None:
         """Send a browser what is new, for ever; looks that come while it does not read are lost.
 
         A browser that begins, or that has frames of another layout, gets those of the past, too.

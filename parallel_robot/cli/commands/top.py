@@ -6,11 +6,15 @@ import argparse
 import os
 import sys
 import time
+from typing import TYPE_CHECKING
 
-from parallel_robot.watch.robots import Graph, Robot, Robots
+from parallel_robot.watch.robots import Robot, Robots
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
+
+if TYPE_CHECKING:
+    from parallel_robot.watch.ros_graph import RosGraph
 
 SETTLED = 2.0  # s, from the first node that is heard to the picture in a pipe
 PATIENCE = 5.0  # s, in which a node must be heard then, and after it a joint
@@ -46,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def snapshot(robots: Robots, graph: Graph, domain: str, namespace: str | None) -> None:
+def snapshot(robots: Robots, graph: RosGraph, domain: str, namespace: str | None) -> None:
     """Print one picture of a robot, the first that is heard where no namespace is given.
 
     Raises:

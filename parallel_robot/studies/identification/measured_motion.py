@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,33 +67,6 @@ class MeasuredMotion:
         return MeasuredMotion(
             self.time[some], self.position[some], self.effort[some], self.usable[some]
         )
-
-
-class Motion(Protocol):
-    """A motion that may be too long to be held; see :class:`MeasuredMotion`."""
-
-    @property
-    def period(self) -> float:
-        """Time between two samples [s]."""
-
-    @property
-    def speed(self) -> Array:
-        """rms of the rate of each joint [rad/s], shape (n,)."""
-
-    @property
-    def duration(self) -> float:
-        """Time between the first sample and the last one [s]."""
-
-    @property
-    def count(self) -> int:
-        """How many samples are usable."""
-
-    @property
-    def left_out(self) -> tuple[str, ...]:
-        """What is not usable, one line each."""
-
-    def windows(self) -> Iterator[MeasuredMotion]:
-        """Parts that follow each other, from the first one on each time."""
 
 
 class RunMotion:
@@ -272,3 +245,6 @@ def _faulted(stamps: NDArray[np.int64], statuses: Sequence[ControllerStatus]) ->
     begins = np.array([status.stamp for status in statuses])
     faulted = np.array([False, *(status.fault != NO_FAULT for status in statuses)])
     return faulted[np.searchsorted(begins, stamps, side='right')]
+
+
+Motion: TypeAlias = MeasuredMotion | RunMotion
