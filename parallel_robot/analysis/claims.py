@@ -36,17 +36,9 @@ def _error(metrics: Metrics) -> float:
     return metrics.steady.xy_rms_m
 
 
-def _synchronisation(metrics: Metrics) -> float:
-    return metrics.steady.sync_rms_rad
-
-
 def _time(metrics: Metrics) -> float:
     settled = metrics.transient.to_1_mm_s
     return math.inf if settled is None else settled
-
-
-def _chattering(metrics: Metrics) -> float:
-    return metrics.torque.chattering_nm
 
 
 CLAIMS = (
@@ -81,7 +73,7 @@ CLAIMS = (
         'S-FOTSMC synchronises the joints best of the four',
         's_fotsmc',
         ('smc', 's_smc', 'nftsmc'),
-        _synchronisation,
+        lambda metrics: metrics.steady.sync_rms_rad,
         'µrad',
         1e6,
     ),
@@ -89,7 +81,7 @@ CLAIMS = (
         'NFTSMC still chatters, S-FOTSMC does not',
         's_fotsmc',
         ('nftsmc',),
-        _chattering,
+        lambda metrics: metrics.torque.chattering_nm,
         'N m',
         1.0,
     ),

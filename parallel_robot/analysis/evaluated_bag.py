@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import itertools
 import math
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,7 +26,7 @@ from parallel_robot.bags.messages.message_arrays import LAST
 from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot.bags.run.run_log import RunLog, TopicCount, with_acting_commands
+from parallel_robot.bags.run.run_log import RunLog, with_acting_commands
 from parallel_robot.bags.run.run_windows import Stretch
 from parallel_robot_model.common.errors import (
     BagError,
@@ -162,7 +162,8 @@ def of_whole(
     log = motions.log
     if motions.cut:
         warn(motions.cut)
-    parts, best = run_windows.stretches_of_run(past, log), motions.motions.best
+    last, best = int(log.stamps[-1]), motions.motions.best
+    parts = run_windows.stretches(past, log.law, log.start_stamp, last)
     return EvaluatedBag(
         log,
         past,
@@ -280,8 +281,10 @@ class _LongBag:
             if job.found is not None and job.count >= SHORTEST
         ]
         told = saturation_of(config, course.saturated, course.samples)
+        counts = course.messages
+        ordered = {each.name: counts[each.name] for each in RECORDED if each.name in counts}
         return EvaluatedBag(
-            log._replace(messages=_ordered(course.messages)),
+            log._replace(messages=ordered),
             self._past,
             course.timing.finish(),
             whole.found._replace(window=window),
@@ -389,8 +392,3 @@ class _LongBag:
 def _rows(motion: Motion, times: np.ndarray) -> np.ndarray:
     """Rows of the first samples that are not before some times, or of the last one."""
     return np.clip(np.searchsorted(motion.time, times), 0, len(motion.time) - 1)
-
-
-def _ordered(counts: Mapping[str, TopicCount]) -> dict[str, TopicCount]:
-    """Counts in the order of the topics."""
-    return {topic.name: counts[topic.name] for topic in RECORDED if topic.name in counts}

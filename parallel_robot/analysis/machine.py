@@ -210,13 +210,13 @@ def _actuated(facts: Facts) -> list[list[str]]:
         state.gravity,
     )
     return [
-        [printable(name), unit, *(_number(column[k]) for column in columns)]
+        [
+            printable(name),
+            unit,
+            *(f'{each[k] + 0.0:.4g}' if math.isfinite(each[k]) else 'none' for each in columns),
+        ]
         for k, (name, unit) in enumerate(zip(machine.actuated, machine.units, strict=True))
     ]
-
-
-def _number(value: float) -> str:
-    return f'{value + 0.0:.4g}' if math.isfinite(value) else 'none'
 
 
 # A machine drawn in three views and in space.

@@ -290,7 +290,7 @@ def write_reach(configuration: Configuration, plane: str, path: Path) -> str:
     chosen, scenery = plane_and_scenery(configuration, plane)
     if path.suffix == NUMBERS:
         region = region_of(scenery.robot, chosen, STEPS)
-        output.write_new(path, json.dumps(plain_region(region, scenery)).encode())
+        output.save(path, json.dumps(plain_region(region, scenery)).encode())
     else:
         region = region_of(scenery.robot, chosen)
         figures.save(figure_of(region, scenery), path)
@@ -313,7 +313,10 @@ def plain_region(region: Region, scenery: Scenery) -> dict[str, Any]:
             margin.key: {
                 'label': margin.label,
                 'fault_below': scenery.values.get(f'safety.{margin.key}'),
-                'values': _or_none(np.where(inside, margin.values, np.nan)),
+                'values': [
+                    [None if x != x else x for x in row]
+                    for row in np.where(inside, margin.values, np.nan).tolist()
+                ],
             }
             for margin in region.reach.margins
         },
@@ -331,10 +334,6 @@ def _plain_plane(plane: Plane) -> dict[str, Any]:
         'units': [axis.unit for axis in plane.axes],
         'directions': [axis.direction.tolist() for axis in plane.axes],
     }
-
-
-def _or_none(values: Array) -> list[list[float | None]]:
-    return [[None if x != x else x for x in row] for row in values.tolist()]
 
 
 def _told(region: Region) -> str:

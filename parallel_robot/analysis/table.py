@@ -215,24 +215,15 @@ def write_csv(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
     """Write comma-separated values; numbers in their shortest form that reads back the same."""
     text = io.TextIOWrapper(stream, newline='', write_through=True)
     writer = csv.writer(text, lineterminator='\n')
-    first, parts = _first(parts)
+    first = next(parts := iter(parts))
     writer.writerow(map(harmless, first))
-    rows = (row for part in parts for row in zip(*map(_numbers, part.values()), strict=True))
+    rows = (
+        row
+        for part in itertools.chain([first], parts)
+        for row in zip(*(each.tolist() for each in part.values()), strict=True)
+    )
     writer.writerows(tracked(rows, None, 'rows'))
     text.detach()
-
-
-def _first(parts: Iterable[TableColumns]) -> tuple[TableColumns, Iterable[TableColumns]]:
-    """The first part, and all of them."""
-    parts = iter(parts)
-    first = next(parts)
-    return first, itertools.chain([first], parts)
-
-
-def _numbers(column: np.ndarray) -> list[Any]:
-    """The numbers of a column as Python's."""
-    found: list[Any] = column.tolist()
-    return found
 
 
 def harmless(text: str) -> str:

@@ -16,7 +16,13 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, TextIO, TypeVar
 
-from parallel_robot_model.common.errors import BagError, InputError, RunError, printable
+from parallel_robot_model.common.errors import (
+    BagError,
+    InputError,
+    ParallelRobotError,
+    RunError,
+    printable,
+)
 
 # New files and directories: complete or not at all, and never in place of existing ones.
 
@@ -62,17 +68,17 @@ def save(path: Path, content: bytes | memoryview) -> None:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    with _asked_for(path):
+    with asked_for(path):
         write_new(path, content)
 
 
 @contextlib.contextmanager
-def _asked_for(path: Path) -> Iterator[None]:
-    """Say in a line why what a command was asked for cannot be written."""
+def asked_for(path: Path, full: type[ParallelRobotError] = RunError) -> Iterator[None]:
+    """Say in a line why what a command was asked for cannot be written; `full`: of a full disk."""
     try:
         yield
     except OSError as error:
-        kind = RunError if error.errno in FULL else InputError
+        kind = full if error.errno in FULL else InputError
         raise kind(f'cannot write {path}: {error.strerror}') from None
 
 
@@ -86,7 +92,7 @@ def growing(path: Path) -> Iterator[IO[bytes]]:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    with _asked_for(path):
+    with asked_for(path):
         draft = path.with_name(f'.{path.name}.{os.getpid()}.part')
         file = draft.open('xb')
         try:
@@ -117,7 +123,7 @@ def save_directory(path: Path, contents: Mapping[str, bytes]) -> None:
         RunError: the disk is full.
     """
     with (
-        _asked_for(path),
+        asked_for(path),
         tempfile.TemporaryDirectory(dir=path.absolute().parent) as folder,
     ):
         draft = Path(folder) / path.name
@@ -133,9 +139,10 @@ def written(path: Path, content: bytes) -> Iterator[None]:
     """Write a file that stays only when the block succeeds.
 
     Raises:
-        OSError: it exists or cannot be written; with its name.
+        InputError: it exists or cannot be written.
     """
-    write_new(path, content)
+    with asked_for(path, InputError):
+        write_new(path, content)
     try:
         yield
     except BaseException:

@@ -48,11 +48,6 @@ def complete(parser: argparse.ArgumentParser) -> None:
     argcomplete.autocomplete(parser)
 
 
-def words_to_complete() -> list[str]:
-    """Words of the line that the shell completes."""
-    return os.environ.get('COMP_LINE', '').split()
-
-
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     """Arguments of a parser and of its subcommands."""
     for action in parser._actions:
@@ -73,10 +68,6 @@ def _completer(find: Callable[[], list[str]]) -> Callable[..., list[str]]:
     return completer
 
 
-def _scenarios() -> list[str]:
-    return config_files.scenario_names(config.directory() / 'scenarios')
-
-
 def _studies() -> list[str]:
     return config_files.scenario_names(config.directory() / 'studies')
 
@@ -85,16 +76,15 @@ def _laws() -> list[str]:
     return config_files.scenario_names(config.directory() / 'laws')
 
 
-def _keys() -> list[str]:
-    return [f'{key}=' for key in config.resolve('paper_circle')]
-
-
 WORDS: dict[str, Callable[[], list[str]]] = {  # by the name that argparse gives an argument
-    'scenario': lambda: [*_scenarios(), *_studies()],
+    'scenario': lambda: [
+        *config_files.scenario_names(config.directory() / 'scenarios'),
+        *_studies(),
+    ],
     'study': _studies,
     'law': _laws,
     'laws': _laws,
-    'assignments': _keys,
+    'assignments': lambda: [f'{key}=' for key in config.resolve('paper_circle')],
 }
 
 
@@ -174,7 +164,7 @@ def main(words: Sequence[str] | None = None) -> int:
         number of the signal that stopped a run.
     """
     if COMPLETION_ASKED in os.environ:
-        complete(build_parser(words_to_complete()))
+        complete(build_parser(os.environ.get('COMP_LINE', '').split()))
     words = sys.argv[1:] if words is None else words
     name = 'parallel_robot'
     os.environ['MPLBACKEND'] = 'agg'  # pictures go into files

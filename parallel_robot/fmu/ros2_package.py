@@ -72,7 +72,11 @@ def ros2_package(
     }
     source = files('parallel_robot.fmu')
     made = {
-        path: _filled(source.joinpath('ros2_control', template).read_text('utf-8'), words)
+        path: re.sub(
+            '@([a-z]+)@',
+            lambda found: words[found[1]],
+            source.joinpath('ros2_control', template).read_text('utf-8'),
+        ).encode()
         for template, path in TEMPLATES.items()
     }
     native = {
@@ -84,10 +88,6 @@ def ros2_package(
         'layout.h': _layout(contents, joints, timeout).encode(),
     }
     return made | {f'src/native/{name}': content for name, content in native.items()}
-
-
-def _filled(template: str, words: dict[str, str]) -> bytes:
-    return re.sub('@([a-z]+)@', lambda found: words[found[1]], template).encode()
 
 
 def _quoted(names: Iterable[str]) -> str:

@@ -197,7 +197,15 @@ def description(
     SubElement(root, 'DefaultExperiment', experiment)
     listed = SubElement(root, 'ModelVariables')
     for number, variable in enumerate(variables):
-        (_second if version == 2 else _third)(listed, number, variable)
+        kind, common, values = (
+            TYPES[version][variable.kind],
+            _common(number, variable),
+            _values(variable),
+        )
+        if version == 2:
+            SubElement(SubElement(listed, 'ScalarVariable', common), kind, values)
+        else:
+            SubElement(listed, kind, common | values)
     structure = SubElement(root, 'ModelStructure')
     outputs = [k for k, variable in enumerate(variables) if variable.role == 'output']
     if version == 2:
@@ -264,14 +272,3 @@ def _spelled(variable: Variable, value: float) -> str:
     if variable.kind == 'boolean':
         return 'true' if value else 'false'
     return str(int(value)) if variable.kind == 'integer' else repr(value)
-
-
-def _second(listed: Any, number: int, variable: Variable) -> None:
-    """A variable of FMI 2.0."""
-    element = SubElement(listed, 'ScalarVariable', _common(number, variable))
-    SubElement(element, TYPES[2][variable.kind], _values(variable))
-
-
-def _third(listed: Any, number: int, variable: Variable) -> None:
-    """A variable of FMI 3.0."""
-    SubElement(listed, TYPES[3][variable.kind], _common(number, variable) | _values(variable))

@@ -131,10 +131,7 @@ class LeastErrors(NamedTuple):
             InputError: it cannot be written.
         """
         error = 'end-effector error, rms [µm]' if self.planar else 'joint error, rms [µrad]'
-        try:
-            save(draw(self.members, self.units.label(error), self.units), path)
-        except OSError as error:
-            raise InputError(f'cannot write {path}: {error.strerror}') from None
+        save(draw(self.members, self.units.label(error), self.units), path)
 
 
 def compute(

@@ -95,7 +95,7 @@ class BagReplay(ShownResult):
         Raises:
             InputError: it cannot be written.
         """
-        _draw(self.log, self.torque, self.law, path)
+        figures.draw_torques(self.log, self.torque, self.law, path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -130,7 +130,7 @@ class ReplayFigures(ShownResult):
             InputError: it cannot be written.
         """
         time, recorded, torque = self.curves
-        _draw(self.log._replace(time=time, answer=recorded), torque, self.law, path)
+        figures.draw_torques(self.log._replace(time=time, answer=recorded), torque, self.law, path)
 
 
 @dataclass(frozen=True)
@@ -237,14 +237,6 @@ def data_of(log: RunLog, law: str, found: Totals) -> dict[str, Any]:
             for name, values in found.differences().items()
         },
     }
-
-
-def _draw(log: RunLog, torque: Array, law: str, path: Path) -> None:
-    """Draw recorded commands and other torques into a file, which must not exist."""
-    try:
-        figures.draw_torques(log, torque, law, path)
-    except OSError as error:
-        raise InputError(f'cannot write {path}: {error.strerror}') from None
 
 
 @contextmanager

@@ -27,7 +27,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.terms import synchronisation_error
-from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.motions import Motion, Poses
@@ -39,6 +39,7 @@ LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins
 LARGEST = 'Largest '  # of all joints
 DISTANCE = 'distance'
 COLUMNS, FEW = 6, 4  # of a legend, and names of which each has its line
+BROAD = {'color': '0.6', 'lw': 2.0}  # of what is measured
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
 
@@ -82,8 +83,7 @@ def draw_run(
         track: Poses of its path; None: those of the motion.
 
     Raises:
-        InputError: the suffix is of no picture format.
-        OSError: the file exists or cannot be written; with its name.
+        InputError: the suffix is of no picture format, or the file cannot be written.
     """
     save(figure_of_run(run, motion, scale, marks, track), path)
 
@@ -210,24 +210,15 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         path: File to write, which must not exist; its suffix chooses the format.
 
     Raises:
-        InputError: the suffix is of no picture format.
-        OSError: the file exists or cannot be written; with its name.
+        InputError: the suffix is of no picture format, or the file cannot be written.
     """
-    count = len(log.joints)
+    recorded, replayed = (without_mathematics(law_label(each)) for each in (log.law, law))
+    curves = {
+        f'recorded, {recorded}': (log.answer, BROAD),
+        f'replayed, {replayed}': (torque, {'color': COLOURS[0], 'lw': 0.8}),
+    }
     title = f'{label(log.scenario)}: {log.units.label("torques")} on the same motion'
-    figure = _figure(title, max(HEIGHT, ROW * count))
-    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    curves = zip(rows, log.joints, log.answer.T, torque.T, strict=True)
-    for k, (axes, joint, recorded, replayed) in enumerate(curves):
-        name = f'recorded, {without_mathematics(law_label(log.law))}'
-        axes.plot(log.time, recorded, color='0.6', lw=2.0, label=name)
-        name = f'replayed, {without_mathematics(law_label(law))}'
-        axes.plot(log.time, replayed, color=COLOURS[0], lw=0.8, label=name)
-        axes.set(ylabel=_of_torque(log.units, k), title=without_mathematics(joint_label(joint)))
-        axes.grid(alpha=0.3)
-    rows[0].legend(loc='upper right', ncols=2, fontsize='small')
-    rows[-1].set(xlabel='t [s]')
-    save(figure, path)
+    _draw_joint_by_joint(title, log.time, log.joints, curves, path, log.units)
 
 
 def draw_prediction(
@@ -249,21 +240,35 @@ def draw_prediction(
         units: Those of the joints.
 
     Raises:
-        InputError: the suffix is of no picture format.
-        OSError: the file exists or cannot be written; with its name.
+        InputError: the suffix is of no picture format, or the file cannot be written.
     """
-    count = len(joints)
+    curves = {
+        'measured': (measured, BROAD),
+        'predicted': (predicted, {'color': COLOURS[0], 'lw': 0.8}),
+        'difference': (measured - predicted, {'color': COLOURS[1], 'lw': 0.8}),
+    }
     title = f'{units.label("Torques")} by the identified robot'
-    figure = _figure(title, max(HEIGHT, ROW * count))
-    rows = figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0]
-    curves = zip(rows, joints, measured.T, predicted.T, strict=True)
-    for k, (axes, joint, before, after) in enumerate(curves):
-        axes.plot(time, before, color='0.6', lw=2.0, label='measured')
-        axes.plot(time, after, color=COLOURS[0], lw=0.8, label='predicted')
-        axes.plot(time, before - after, color=COLOURS[1], lw=0.8, label='difference')
-        axes.set(ylabel=_of_torque(units, k), title=without_mathematics(joint_label(joint)))
+    _draw_joint_by_joint(title, time, joints, curves, path, units)
+
+
+def _draw_joint_by_joint(
+    title: str,
+    time: np.ndarray,
+    joints: Sequence[str],
+    curves: Mapping[str, tuple[np.ndarray, dict[str, Any]]],
+    path: str | Path,
+    units: JointUnits,
+) -> None:
+    """Draw torques [N m], name to values, shape (T, n), and look, one panel for each joint."""
+    figure = _figure(title, max(HEIGHT, ROW * len(joints)))
+    rows = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
+    for k, (axes, joint) in enumerate(zip(rows, joints, strict=True)):
+        for name, (values, look) in curves.items():
+            axes.plot(time, values[:, k], label=name, **look)
+        unit = units.one(k).label('[N m]')
+        axes.set(ylabel=unit, title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
-    rows[0].legend(loc='upper right', ncols=3, fontsize='small')
+    rows[0].legend(loc='upper right', ncols=len(curves), fontsize='small')
     rows[-1].set(xlabel='t [s]')
     save(figure, path)
 
@@ -291,11 +296,6 @@ def draw_motion(
         add_legend(axes)
     rows[-1].set(xlabel='t [s]')
     save(figure, path)
-
-
-def _of_torque(units: JointUnits, joint: int) -> str:
-    """Label of an axis for the torque of a joint."""
-    return units.one(joint).label('[N m]')
 
 
 class Curve(NamedTuple):
@@ -432,13 +432,13 @@ def save(figure: Any, path: str | Path) -> None:
     """Write a figure to a file that must not exist; its suffix chooses the format.
 
     Raises:
-        InputError: the suffix is of no picture format.
-        OSError: the file exists or cannot be written; with its name.
+        InputError: the suffix is of no picture format, or the file cannot be written.
     """
     check_format(path)
     content = io.BytesIO()
     figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
-    output.write_new(Path(path), content.getbuffer())
+    with output.asked_for(Path(path), InputError):
+        output.write_new(Path(path), content.getbuffer())
 
 
 def check_new(path: Path) -> None:

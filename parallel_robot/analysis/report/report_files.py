@@ -232,12 +232,9 @@ def write(groups: dict[str, list[Run]], directory: str | Path, scale: str = AUTO
         (draft / PAGE).write_text(text, encoding='utf-8')
         members = [(scenario, chart) for scenario, some in drawn.items() for chart in some]
         for scenario, chart in tracked(members, len(members), 'figures'):
-            stem = f'figure_{chart.number}_{chart.name}_{_file_name(scenario)}'
+            group = re.sub(r'[^A-Za-z0-9_-]', '_', scenario)
+            stem = f'figure_{chart.number}_{chart.name}_{group}'
             draw_chart(chart, draft, stem, scale)
         figures = len(list(draft.iterdir())) - 1
         draft.rename(directory)
     return figures
-
-
-def _file_name(text: str) -> str:
-    return re.sub(r'[^A-Za-z0-9_-]', '_', text)

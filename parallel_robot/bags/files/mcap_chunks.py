@@ -147,17 +147,13 @@ def packed_chunk(record: memoryview, exact: bool = False) -> PackedChunk | None:
     _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(record, HEAD)
     name = bytes(record[HEAD + CHUNK_HEAD.size :][: min(name_length, LONGEST_NAME + 1)])
     begin = HEAD + CHUNK_HEAD.size + name_length + LENGTH.size
-    if begin > len(record) or not is_compression(name):
+    named = name in UNPACK or (len(name) <= LONGEST_NAME and name.isalnum())
+    if begin > len(record) or not named:
         return None
     (length,) = LENGTH.unpack_from(record, begin - LENGTH.size)
     if length > len(record) - begin or (exact and length < len(record) - begin):
         return None
     return PackedChunk(name, size, crc, record[begin : begin + length])
-
-
-def is_compression(name: bytes) -> bool:
-    """Whether bytes can be the name of a compression."""
-    return name in UNPACK or (len(name) <= LONGEST_NAME and name.isalnum())
 
 
 def unknown_compression(record: memoryview) -> str:

@@ -54,11 +54,6 @@ def deserialize(message: bytes, name: str) -> Any:
     return _store(name).deserialize_cdr(message, name)
 
 
-def _reserialize(message: bytes, name: str) -> bytes:
-    """A message of a type of the suite in little-endian CDR."""
-    return bytes(_store(name).serialize_cdr(deserialize(message, name), name))
-
-
 def from_rosbags() -> dict[str, MessageType]:
     """What message_types.json must hold, by name: all types of topics of the suite."""
     from rosbags.typesys import Stores, get_typestore  # slow to import
@@ -127,7 +122,8 @@ def little_endian(topic: Topic, messages: Messages) -> Messages:
     payloads = messages.payloads.copy()
     for row in (payloads[k] for k in np.flatnonzero(big)):
         try:
-            found = _reserialize(row.tobytes(), topic.type)
+            message = deserialize(row.tobytes(), topic.type)
+            found = bytes(_store(topic.type).serialize_cdr(message, topic.type))
         except Exception:  # in broken bytes, anything can go wrong
             continue
         if len(found) <= len(row):
@@ -199,13 +195,11 @@ def profiles_of(channel: Channel) -> list[Any]:
         profiles = plain_data.load(dict(channel.metadata).get('offered_qos_profiles', ''))
     except ValueError:
         return []
-    if isinstance(profiles, list) and all(_has_words(profile) for profile in profiles):
+    if isinstance(profiles, list) and all(
+        isinstance(each, dict) and isinstance(each.get('reliability'), str) for each in profiles
+    ):
         return profiles
     return []
-
-
-def _has_words(profile: Any) -> bool:
-    return isinstance(profile, dict) and isinstance(profile.get('reliability'), str)
 
 
 if __name__ == '__main__':

@@ -217,11 +217,6 @@ class Stretch(NamedTuple):
     change: str = ''  # what changed at its begin, for people; empty for the first one
 
 
-def stretches_of_run(past: History, log: RunLog) -> list[Stretch]:
-    """Stretches of a run that was read, see :func:`stretches`."""
-    return stretches(past, log.law, log.start_stamp, int(log.stamps[-1]))
-
-
 def stretches(past: History, law: str, start: int, end: int) -> list[Stretch]:
     """Stretches of a run, one if nothing was changed.
 

@@ -6,7 +6,6 @@ import argparse
 import contextlib
 import json
 import os
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -34,8 +33,8 @@ from parallel_robot.cli.shared import (
     bag_view,
     robot_code,
     show,
+    warn,
 )
-from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.loop import length
 
@@ -70,7 +69,7 @@ def execute(arguments: argparse.Namespace) -> int:
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values, whole=True)
     times = arguments.start, arguments.stop
-    run = evaluated_bag.evaluate(arguments.bag, code, view, times, _warn)
+    run = evaluated_bag.evaluate(arguments.bag, code, view, times, lambda text: warn([text]))
     if isinstance(run, MotionAlone):
         return _without_reference(arguments, run)
     log, past, timed, found = run.log, run.past, run.timing, run.metrics
@@ -79,16 +78,13 @@ def execute(arguments: argparse.Namespace) -> int:
     result['law'] = ', then '.join(run_windows.laws_of(run.parts))
     foreign = log.foreign and not arguments.figure
     kept = not arguments.figure and os.path.lexists(figure)
-    try:
-        with contextlib.ExitStack() as written:
-            if arguments.json:
-                written.enter_context(output.written(arguments.json, as_json(result)))
-            if not kept and not foreign:
-                marks = [one.begin for one in run.parts[1:]]
-                named = log._replace(law=result['law'])
-                figures.draw_run(named, run.motion, figure, arguments.scale, marks, run.path.poses)
-    except OSError as error:
-        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    with contextlib.ExitStack() as written:
+        if arguments.json:
+            written.enter_context(output.written(arguments.json, as_json(result)))
+        if not kept and not foreign:
+            marks = [one.begin for one in run.parts[1:]]
+            named = log._replace(law=result['law'])
+            figures.draw_run(named, run.motion, figure, arguments.scale, marks, run.path.poses)
     quiet = ['no limit acted, no fault'] if past.statuses and not run.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
     remarks += history.new_motions(past, log.start_stamp)
@@ -108,21 +104,13 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _warn(text: str) -> None:
-    print(f'warning: {text}', file=sys.stderr)
-
-
 def _without_reference(arguments: argparse.Namespace, motion: MotionAlone) -> int:
     """Print what is known of a motion that has no reference."""
-    try:
-        with contextlib.ExitStack() as written:
-            if arguments.json:
-                content = as_json(motion.as_data())
-                written.enter_context(output.written(arguments.json, content))
-            if arguments.figure:
-                motion.drawn(figures.draw_motion, arguments.figure)
-    except OSError as error:
-        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+    with contextlib.ExitStack() as written:
+        if arguments.json:
+            written.enter_context(output.written(arguments.json, as_json(motion.as_data())))
+        if arguments.figure:
+            motion.drawn(figures.draw_motion, arguments.figure)
     figure = [f'figure  {arguments.figure}'] if arguments.figure else []
     files = [f'bag     {arguments.bag}', *figure]
     show(arguments.format, motion.parts(), motion.as_data(), files)

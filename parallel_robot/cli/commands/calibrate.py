@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from parallel_robot.analysis.report.figures import check_new
@@ -16,6 +15,7 @@ from parallel_robot.cli.shared import (
     bag_view,
     robot_code,
     show,
+    warn,
 )
 from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
@@ -92,8 +92,7 @@ def execute(arguments: argparse.Namespace) -> int:
         robot_code(arguments, values),
         bag_view(arguments, values),
     )
-    for warning in found.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
+    warn(found.warnings)
     if arguments.out:
         found.write(arguments.out)
     if arguments.figure:

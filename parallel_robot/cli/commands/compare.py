@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.commands.analyze import as_json
-from parallel_robot.cli.shared import add_format_argument, add_window_arguments, show
+from parallel_robot.cli.shared import add_format_argument, add_window_arguments, show, warn
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import InputError, RunError, UnknownNameError
@@ -88,14 +87,10 @@ def execute(arguments: argparse.Namespace) -> int:
     verdicts = claims.verify(scenario, results)
     data = summarise(scenario, results, verdicts, causes)
     if arguments.json:
-        try:
-            output.write_new(arguments.json, as_json(data))
-        except OSError as error:
-            raise InputError(f'cannot write {arguments.json}: {error.strerror}') from None
+        output.save(arguments.json, as_json(data))
     parts = [*table(scenario, laws, results, failed), *map(line, verdicts)]
     show(arguments.format, parts, data)
-    for note in notes:
-        print(f'warning: {note}', file=sys.stderr)
+    warn(notes)
     if not results:
         raise RunError('every law failed')
     return 0

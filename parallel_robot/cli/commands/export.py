@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,7 +16,7 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.shared import add_bag_arguments, bag_view, robot_code
+from parallel_robot.cli.shared import add_bag_arguments, bag_view, robot_code, warn
 from parallel_robot_model.common.errors import WholeNeededError
 
 
@@ -52,7 +51,7 @@ def execute(arguments: argparse.Namespace) -> int:
     code, view = robot_code(arguments, values), bag_view(arguments, values)
     if arguments.foxglove:
         copy = _copy(bag, code, view, arguments.foxglove)
-        _warn(copy.warnings)
+        warn(copy.warnings)
         seen = ', seen' if copy.seen else ''
         print(f'bag     {copy.path}, with {copy.frames} frames of the robot{seen}')
         return 0
@@ -64,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
         view=view,
         motion_only=True,
     )
-    _warn(written.warnings.lines)
+    warn(written.warnings.lines)
     print(f'table   {out}, {written.rows} rows, {written.columns} columns')
     return 0
 
@@ -107,8 +106,3 @@ def _write(bag: Path, out: Path, recordings: Iterator[Recording]) -> _Written:
     written = _Written()
     table.write_table(out, written.passed(table.parts(written.seen(bag, recordings))))
     return written
-
-
-def _warn(warnings: Iterable[str]) -> None:
-    for warning in warnings:
-        print(f'warning: {warning}', file=sys.stderr)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.shared import add_bag_arguments, add_format_argument, bag_view, show
+from parallel_robot.cli.shared import add_bag_arguments, add_format_argument, bag_view, show, warn
 from parallel_robot.studies.identification import bag_identification, design
 from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
@@ -72,8 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
         show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0
     found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, view)
-    for warning in found.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
+    warn(found.warnings)
     found.write(arguments.out, arguments.figure)
     files = {'robot': arguments.out, 'figure': arguments.figure}
     written = [f'{name:<7} {path}' for name, path in files.items() if path]

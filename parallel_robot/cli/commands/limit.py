@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.shared import add_format_argument, show, tell
+from parallel_robot.cli.shared import add_format_argument, show, tell, warn
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.calm import REST
 from parallel_robot.studies.least_errors import is_study
-from parallel_robot_model.common.errors import InputError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,15 +55,11 @@ def execute(arguments: argparse.Namespace) -> int:
     found = least_errors.compute(
         name, changes, arguments.runs, arguments.duration, calm, arguments.rest
     )
-    for warning in found.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
+    warn(found.warnings)
     head, rows = found.rows()
     show(arguments.format, found.parts(), [dict(zip(head, row, strict=True)) for row in rows])
     if arguments.out:
-        try:
-            output.write_new(arguments.out, found.csv().encode())
-        except OSError as error:
-            raise InputError(f'cannot write {arguments.out}: {error.strerror}') from None
+        output.save(arguments.out, found.csv().encode())
         tell(arguments.format, f'rows    {arguments.out}')
     if arguments.figure:
         found.save_figure(arguments.figure)

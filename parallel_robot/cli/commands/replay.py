@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from parallel_robot.cli.shared import (
     add_format_argument,
     bag_view,
     show,
+    warn,
 )
 from parallel_robot_control import law_loader
 from parallel_robot_model.common.errors import InputError, WholeNeededError
@@ -60,8 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
         found, figure, drawn = _replayed(arguments, changes, None)
     if figure is not None:
         found.save_figure(figure)
-    for warning in found.warnings:
-        print(f'warning: {warning}', file=sys.stderr)
+    warn(found.warnings)
     files = [f'figure  {drawn}'] if drawn else []
     show(arguments.format, found.parts(), found.as_data(), files)
     return int(found.failed)

@@ -12,7 +12,7 @@ from pathlib import Path
 from parallel_robot.analysis.replay import bag_rerun
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import run, simulate
-from parallel_robot.cli.shared import TEXT, add_format_argument, show
+from parallel_robot.cli.shared import TEXT, add_format_argument, show, warn
 from parallel_robot_model.common.errors import RunError
 
 
@@ -34,23 +34,16 @@ def execute(arguments: argparse.Namespace) -> int:
     bag, code = arguments.bag, 0
     out = arguments.out or bag_rerun.default_place(bag)
     with bag_rerun.prepared(bag, arguments.duration, arguments.trust) as experiment:
-        for text in experiment.warnings:
-            print(f'warning: {text}', file=sys.stderr)
+        warn(experiment.warnings)
         record = simulate.record if experiment.simulated else run.record
+        shown = arguments.format in (None, TEXT)  # what a run prints of itself
         try:
-            with _printed(arguments.format):
+            with contextlib.redirect_stdout(sys.stdout if shown else io.StringIO()):
                 code = record(experiment.scenario, experiment.changes, out)
         except RunError as error:
             if not os.path.lexists(out):
                 raise
-            print(f'warning: {error}', file=sys.stderr)  # as in the bag, perhaps
+            warn([error])  # as in the bag, perhaps
     found = experiment.compare(out)
     show(arguments.format, found.parts(), found.as_data())
     return code or int(bool(found.difference))
-
-
-def _printed(form: str | None) -> contextlib.AbstractContextManager[object]:
-    """What a run prints of itself: in text alone."""
-    if form in (None, TEXT):
-        return contextlib.nullcontext()
-    return contextlib.redirect_stdout(io.StringIO())

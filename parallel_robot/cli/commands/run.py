@@ -19,7 +19,7 @@ from parallel_robot.bags.output import Progress
 from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.cli import shared
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell
+from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell, warn
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import (
     DRIVEN_OUT,
@@ -134,8 +134,7 @@ def record(
     """
     values = resolve(scenario, changed)
     configuration = configure(values)
-    for text in motion_doubts(configuration.trajectory):
-        print(f'warning: {text}', file=sys.stderr)
+    warn(motion_doubts(configuration.trajectory))
     ended = move(configuration, scenario, changed, out, namespace)
     try:
         made = shared.read_run(out, RobotCode(files=tuple(values['custom_robots'])))
@@ -147,8 +146,7 @@ def record(
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
     doubts = (*ended.doubts, *noise_doubts(configuration))
-    for text in (*doubts, *remarks):
-        print(f'warning: {text}', file=sys.stderr)
+    warn((*doubts, *remarks))
     if ended.signal:
         tell(form, f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
     tell(form, *filter(None, [timing.verdict(timed)]))
@@ -268,7 +266,7 @@ def _supervise(
                 except StoppedError as error:
                     return End(signal=error.signal, doubts=tuple(processes.doubts()))
                 for name in session.silent(filter(processes.running, MODULES)):
-                    print(f'warning: {name} does not answer any more', file=sys.stderr)
+                    warn([f'{name} does not answer any more'])
                 return End(session.driven_out, doubts=tuple(processes.doubts()))
     finally:
         for number, handler in handlers.items():

@@ -28,7 +28,7 @@ from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.configuration.yaml_file import MARK, text_of
-from parallel_robot_sim.configuration import Configuration, configure
+from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import fastest
 
 BY_COMMANDS = (*OF_RUN, 'duration')  # left out of files unless set
@@ -98,7 +98,10 @@ def execute(arguments: argparse.Namespace) -> int:
             file=sys.stderr if arguments.format else sys.stdout,
         )
     if arguments.plot is not None:
-        _plot(made, arguments.plot)
+        from parallel_robot.analysis.report import figures, planned  # slow to import
+
+        figures.check_format(arguments.plot)
+        figures.save(planned.figure_of_motion(made), arguments.plot)
     if arguments.workspace:
         text = reach_picture.write_reach(made, arguments.plane or '', arguments.workspace)
         print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)
@@ -116,24 +119,6 @@ def execute(arguments: argparse.Namespace) -> int:
     else:
         print(text)
     return 0
-
-
-def _plot(made: Configuration, path: Path) -> None:
-    """Draw the motion of a configuration.
-
-    Raises:
-        InputError: the suffix is of no picture format, or the file cannot be written.
-    """
-    from parallel_robot.analysis.report import (
-        figures,  # slow to import
-        planned,  # slow to import
-    )
-
-    figures.check_format(path)
-    try:
-        figures.save(planned.figure_of_motion(made), path)
-    except OSError as error:
-        raise InputError(f'cannot write {path}: {error.strerror}') from None
 
 
 def as_table(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:

@@ -17,7 +17,7 @@ from parallel_robot.bags import output
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell
+from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell, warn
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import delay_text
@@ -270,8 +270,7 @@ def execute(arguments: argparse.Namespace) -> int:
             name = option.replace('_', '-')
             raise InputError(f'--{name} and --row exclude each other: the study has it')
     row, doubts = row_of(arguments.scenario, arguments.row, given(arguments))
-    for text in doubts:
-        print(f'warning: {text}', file=sys.stderr)
+    warn(doubts)
     return record(row.scenario, dict(row.overrides), arguments.out, arguments.format)
 
 
@@ -292,13 +291,11 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     configuration = configure(values)
-    for text in motion_doubts(configuration.trajectory):
-        print(f'warning: {text}', file=sys.stderr)
+    warn(motion_doubts(configuration.trajectory))
     run = _Run(parts(configuration))
     simulation_bag.save(out, values, run)
     part, summary = run.last, run.summary
-    for text in (*noise_doubts(configuration), *remarks(part, summary)):
-        print(f'warning: {text}', file=sys.stderr)
+    warn((*noise_doubts(configuration), *remarks(part, summary)))
     rate = summary.duration / summary.loop_time
     units = configuration.trajectory.robot.joint_units
     delay = delay_text(part.experiment.control.setup.estimator, summary.phase, units)

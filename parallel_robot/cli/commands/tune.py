@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import sys
 from pathlib import Path
 
 from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.shared import add_format_argument, show, tell
+from parallel_robot.cli.shared import add_format_argument, show, tell, warn
 from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.trial import MEASURES
 from parallel_robot.studies.tuning.tuned import IMPROVEMENT, MOST_UNTIL, PATIENCES, Asked, tune
@@ -122,8 +121,7 @@ def execute(arguments: argparse.Namespace) -> int:
     found = tune(asked(arguments), simulate.given(arguments), arguments.out)
     form = arguments.format
     show(form, found.parts(), found.as_data())
-    for text in found.warnings:
-        print(f'warning: {text}', file=sys.stderr)
+    warn(found.warnings)
     files = found.files
     tell(form, f'gains   {files["tuned.yaml"]}, for nodes {files["tuned_ros.yaml"]}')
     tell(form, f'front   {files["front.csv"]} (.svg, .png)')

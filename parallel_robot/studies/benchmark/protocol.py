@@ -169,7 +169,10 @@ def _robot(name: str, given: Any, content: Mapping[str, Any]) -> Robot:
         uncertain = {
             **_group('uncertainty', content['uncertainty']),
             **trouble.get('uncertainty', {}),
-            **{key: _scaled(entry, force) for key, entry in forces.items()},
+            **{
+                key: {k: force * value if k in ENDS else value for k, value in entry.items()}
+                for key, entry in forces.items()
+            },
             **given.get('uncertainty', {}),
         }
         fixed = {**content['set'], **trouble.get('set', {}), **given.get('set', {})}
@@ -185,10 +188,6 @@ def _robot(name: str, given: Any, content: Mapping[str, Any]) -> Robot:
         )
     motions = check(f'robots.{name}.motions', tuple[str, ...], Field('', ''), given['motions'])
     return Robot(name, given['scenario'], force, motions, mixes)
-
-
-def _scaled(entry: Mapping[str, Any], force: float) -> dict[str, Any]:
-    return {key: force * value if key in ENDS else value for key, value in entry.items()}
 
 
 def _group(key: str, given: Any) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from parallel_robot.analysis.report import figures
 from parallel_robot.bags import output
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.output import Progress
@@ -91,7 +92,7 @@ class Calibration(ShownResult):
         """
         from parallel_robot.studies.calibration import picture  # slow to import: only when drawn
 
-        picture.save(self.model, self.found, path)
+        figures.save(picture.draw(self.model, self.found), path)
 
     def write(self, out: Path) -> None:
         """Write the robot as YAML, for ``--param-file``, into a file that must not exist.

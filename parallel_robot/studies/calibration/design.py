@@ -74,19 +74,6 @@ def reached(trajectory: Trajectory, line: Reference) -> int:
     return min([len(line.pose), *(each.sample for each in failures), *lost[:1].tolist()])
 
 
-def is_clear(trajectory: Trajectory, centre: Array, first: Array, last: Array) -> bool:
-    """Whether a straight line is as far within the limits as the candidates are.
-
-    Args:
-        trajectory: Any motion of the robot, within the limits that hold.
-        centre: Pose around which they are, shape (m,).
-        first: Where the line begins, shape (m,).
-        last: Where it ends, shape (m,).
-    """
-    ends = (centre + (pose - centre) * EDGE / SHARE for pose in (first, last))
-    return reached(trajectory, along(trajectory, *ends)) == SAMPLES
-
-
 def candidates(trajectory: Trajectory, centre: Array, count: int, seed: int) -> Array:
     """Poses in all directions from a first one, up to the limits, shape (count, m).
 
@@ -215,7 +202,10 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     track = JointTrack(time, position + known(values))
     model = PoseModel(robot, joints, track, measured, poses, known(values), free)
     slopes, of_robot = _slopes(model), model.zeros.stop
-    told = _told(model, slopes)
+    size = slopes.shape[-1]
+    flat = slopes.reshape(-1, size) * model.told[:size]
+    kept, _ = least_squares.kept_values(flat, model.preference[:size])
+    told = [k for k in range(size) if k not in kept]
     if count * poses.shape[1] < len(told):
         raise InputError(
             f'--design must be at least {-(-len(told) // poses.shape[1])} poses for '
@@ -256,14 +246,6 @@ def _slopes(model: PoseModel) -> Array:
     scale = np.array([NOISE[unit] for unit in model.units])
     slopes = model.slopes(model.start, (clock,)) / scale[:, np.newaxis]
     return np.asarray(slopes[:, :, :clock])
-
-
-def _told(model: PoseModel, slopes: Array) -> list[int]:
-    """Numbers of the unknown that are told where as many as there must be keep their values."""
-    size = slopes.shape[-1]
-    flat = slopes.reshape(-1, size) * model.told[:size]
-    kept, _ = least_squares.kept_values(flat, model.preference[:size])
-    return [k for k in range(size) if k not in kept]
 
 
 def _information(J: Array, rows: Any) -> Array:
@@ -335,7 +317,9 @@ def _motion(
     """
     stops, wanted = [centre], []
     for pose in poses:
-        if not is_clear(trajectory, centre, stops[-1], pose):
+        # a straight line must be as far within the limits as the candidates are
+        ends = (centre + (end - centre) * EDGE / SHARE for end in (stops[-1], pose))
+        if reached(trajectory, along(trajectory, *ends)) < SAMPLES:
             stops.append(centre)
         wanted.append(len(stops))
         stops.append(pose)

@@ -294,7 +294,7 @@ def read_topic(
         BagError: there is no such topic, or its messages are broken.
         InputError: there is no room to keep them.
     """
-    found = bag_reader.read(bag, (), _nothing, memory)
+    found = bag_reader.read(bag, (), lambda *_: None, memory)  # the names of topics alone
     there = {
         topic: kind
         for topic, kind in found.channels.items()
@@ -338,10 +338,6 @@ def read_topic(
         raise BagError(f'{bag}: no message on {printable(wanted, SHOWN_OF_TEXT)} holds a pose')
     stamps, pose = kept.evenly(most)
     return StampedPoses(stamps, pose[:, :3], pose[:, 3:], missing, kept.count)
-
-
-def _nothing(_: Topic, messages: Messages) -> None:
-    """Only the names of topics are asked for."""
 
 
 def _decoded(bag: Path, topic: Topic, messages: Messages) -> tuple[np.ndarray, Array]:

@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.readable import MICRO
-from parallel_robot_model.common.errors import InputError
 
 WIDTH, ROW = 11.0, 2.2  # in
 NAME = 0.16  # in, for the name of an unknown
-
-
-def save(model: PoseModel, found: Fit, path: Path) -> None:
-    """Write the picture into a file that must not exist; its suffix chooses the format.
-
-    Raises:
-        InputError: the suffix is of no picture format, or the file cannot be written.
-    """
-    try:
-        figures.save(draw(model, found), path)
-    except OSError as error:
-        raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
 
 
 def draw(model: PoseModel, found: Fit) -> Figure:

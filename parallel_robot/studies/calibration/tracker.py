@@ -81,7 +81,9 @@ class Tracker:
         values = dict.fromkeys((each.name for each in self.unknown), 0.0)
         place = len(PLACE) if self._space else 2
         if FRAME in self._free and self.columns[:place] == tuple(range(place)):
-            ours, seen = (_in_space(poses[:, :place]) for poses in (own, measured))
+            ours, seen = (
+                np.pad(poses[:, :place], ((0, 0), (0, 3 - place))) for poses in (own, measured)
+            )
             centres = ours.mean(axis=0), seen.mean(axis=0)
             turned = _aligned(ours - centres[0], seen - centres[1], self._space)
             vector, offset = turned.as_rotvec(), centres[1] - turned.apply(centres[0])
@@ -153,11 +155,6 @@ class Tracker:
             first, second = (Rotation.from_rotvec(x[:, self._rotations]) for x in (one, other))
             apart[:, self._rotations] = (first * second.inv()).as_rotvec()
         return apart
-
-
-def _in_space(place: Array) -> Array:
-    """Points in the plane of x and y, or in space, as points in space, shape (N, 3)."""
-    return np.pad(place, ((0, 0), (0, 3 - place.shape[1])))
 
 
 def _aligned(ours: Array, seen: Array, space: bool) -> Rotation:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -81,21 +81,14 @@ class Identification(ShownResult):
         Raises:
             InputError: one cannot be written.
         """
-        try:
-            with contextlib.ExitStack() as written:
-                if out:
-                    content = readable.parameter_text(
-                        self.found, str(self.bag), self._noise
-                    ).encode()
-                    written.enter_context(output.written(out, content))
-                if figure:
-                    rows, torque = self.checked.rows, self.checked.torque
-                    units = self.found.nominal.robot.joint_units
-                    figures.draw_prediction(
-                        rows.time, self.joints, rows.torque, torque, figure, units
-                    )
-        except OSError as error:
-            raise InputError(f'cannot write {error.filename}: {error.strerror}') from None
+        with contextlib.ExitStack() as written:
+            if out:
+                content = readable.parameter_text(self.found, str(self.bag), self._noise)
+                written.enter_context(output.written(out, content.encode()))
+            if figure:
+                rows, torque = self.checked.rows, self.checked.torque
+                units = self.found.nominal.robot.joint_units
+                figures.draw_prediction(rows.time, self.joints, rows.torque, torque, figure, units)
 
 
 def check_files(out: Path | None, figure: Path | None) -> None:
@@ -199,7 +192,10 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
 
         with _naming(bag):
             motion = RunMotion(seen(), run.period, run.history.statuses, limit, known(config))
-        warnings = _told(bag, (*told.lines, *motion.left_out))
+        warnings = [
+            line if line.startswith(str(bag)) else f'{bag}: not used: {line}'
+            for line in (*told.lines, *motion.left_out)
+        ]
         return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
 
     return run.evaluated(look)
@@ -227,11 +223,6 @@ def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
     if found is None:
         raise BagError(f'{bag}: {motor_lag.NO_REST}')
     return found
-
-
-def _told(bag: Path, lines: Iterable[str]) -> list[str]:
-    """Warnings of a bag, with its name."""
-    return [line if line.startswith(str(bag)) else f'{bag}: not used: {line}' for line in lines]
 
 
 @contextlib.contextmanager

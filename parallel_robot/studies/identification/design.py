@@ -238,10 +238,7 @@ class Designed(ShownResult):
         )
         plant = {'initial_pose': found.parameters['center']}
         tree = {SHAPE: found.parameters, 'plant': plant}
-        try:
-            output.write_new(path, (comment + readable.dump(tree)).encode())
-        except OSError as error:
-            raise InputError(f'cannot write {path}: {error.strerror}') from None
+        output.save(path, (comment + readable.dump(tree)).encode())
 
     def __repr__(self) -> str:
         """The same in lines."""

@@ -158,7 +158,11 @@ def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]
     """
     model = linear_model(found.nominal.robot)
     robot = found.robot
-    kept = [key for key, value in robot.robot.items() if _same(value, robot.nominal[key])]
+    kept = [
+        key
+        for key, value in robot.robot.items()
+        if np.allclose(value, robot.nominal[key], rtol=1e-5, atol=0.0)
+    ]
     lines = [
         f'The robot {found.nominal.robot.name} as identified from {printable(bag)}.',
         'Torques depend on these combinations alone (estimate, standard error):',
@@ -207,7 +211,3 @@ def parameter_groups(
 def dump(tree: Mapping[str, Any]) -> str:
     """Groups of parameters as YAML, lists in one line each."""
     return yaml.safe_dump(dict(tree), sort_keys=False, default_flow_style=None, width=1000)
-
-
-def _same(value: Any, nominal: Any) -> bool:
-    return bool(np.allclose(value, nominal, rtol=1e-5, atol=0.0))

@@ -160,7 +160,9 @@ def rows(
         yield found
         duration, known = duration + found.duration, known + int(found.known.sum())
     if known < FEWEST * len(base.names):
-        raise BagError(_too_little(duration, motion))
+        why = ''.join(f'; {line}' for line in motion.left_out)
+        told = f'{duration:.3g} s of {motion.duration:.3g} s'
+        raise BagError(f'too little motion to identify a robot: {told}{why}')
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
@@ -186,13 +188,6 @@ def base_of(motion: Motion, robot: RobotModel, guess: Array) -> BaseParameters:
         return base_parameters.find(robot, positions, motion.count, guess)
     except KinematicsError as error:
         raise BagError(str(error)) from None
-
-
-def _too_little(duration: float, motion: Motion) -> str:
-    why = ''.join(f'; {line}' for line in motion.left_out)
-    return (
-        f'too little motion to identify a robot: {duration:.3g} s of {motion.duration:.3g} s{why}'
-    )
 
 
 @dataclass(frozen=True)
