@@ -196,7 +196,6 @@ class _Job:
     """A part of a run whose metrics are wanted, until the plan for it was right."""
 
     def __init__(self, begin: float, end: float, asked: bool, plan: Plan) -> None:
-        """Prepare, see :class:`RunningFigures`."""
         self.begin, self.end, self._asked, self._plan = begin, end, asked, plan
         self._running: RunningFigures | None = None
         self.found: Metrics | None = None

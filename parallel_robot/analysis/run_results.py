@@ -74,7 +74,6 @@ class MotionAlone:
     """Tells what is known of a motion that comes in windows."""
 
     def __init__(self) -> None:
-        """Nothing is known yet."""
         self._log: RunLog | None = None
         self._ends = math.nan, math.nan
         self._steps = Quantiles()
@@ -170,7 +169,6 @@ class SimulatedFigures:
     """Those of :func:`metrics.figures` up to rounding, in memory that does not grow."""
 
     def __init__(self) -> None:
-        """Begin before the first part."""
         self._error: ParallelRobotError | None = None
         self._motions: SimulatedMotions | None = None
         self._seen = True  # so far

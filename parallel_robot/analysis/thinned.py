@@ -51,7 +51,6 @@ class Curves:
     """Curves that grow; of long ones, what can be seen."""
 
     def __init__(self) -> None:
-        """Begin without values."""
         self.time = np.zeros(0)  # of the values that are kept [s], shape (N,)
         self.values = np.zeros((0, 0))  # of each curve, shape (N, c)
 
@@ -140,7 +139,6 @@ class GrowingTrack:
     """Parts of a path that is long, evenly spread over it."""
 
     def __init__(self) -> None:
-        """Begin empty."""
         self._parts: list[Track] = []
         self._due = np.inf  # s, of the next part; the first one is whole
 

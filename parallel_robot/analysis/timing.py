@@ -255,7 +255,6 @@ class Quantiles:
     """Percentiles as of :func:`numpy.percentile`: exact of up to EXACT numbers."""
 
     def __init__(self) -> None:
-        """There are no numbers yet."""
         self._kept: list[Array] = []
         self._classes: Counter[int] = Counter()
         self._ends = (math.inf, -math.inf)

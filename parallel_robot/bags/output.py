@@ -13,7 +13,6 @@ import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, TextIO, TypeVar
 
 from parallel_robot_model.common.errors import (
@@ -275,16 +274,9 @@ class Progress:
         self._drawn = True
 
     def __enter__(self) -> Progress:
-        """Return the bar."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Remove the bar."""
+    def __exit__(self, *_: object) -> None:
         if self._drawn:
             print(CLEAR, end='', file=self._stream, flush=True)
 

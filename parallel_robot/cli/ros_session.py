@@ -63,7 +63,6 @@ class Session:
         self.alarms = dict.fromkeys(self._names, '')
 
     def __enter__(self) -> Session:
-        """Create the node."""
         node = tool_node('parallel_robot_run', self._transport, namespace=self._namespace)
         self._node = self._exit.enter_context(node)
         self._ready = {
@@ -77,7 +76,6 @@ class Session:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Destroy the node."""
         self._exit.close()
 
     def spin(self, seconds: float) -> None:

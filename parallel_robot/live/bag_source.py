@@ -235,7 +235,12 @@ class BagSource:
         }
 
     async def act(self, action: str, value: Any) -> str:
-        """Do what a browser asks for; see source.Source."""
+        """Do what a browser asks for, with a value that nobody has checked; say what was done.
+
+        Raises:
+            RefusedError: it is not done.
+            KeyError: there is no such action.
+        """
         do = {
             'play': self._play,
             'seek': self._seek,

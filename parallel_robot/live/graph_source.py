@@ -193,7 +193,12 @@ class GraphSource:
         return self._texts
 
     async def act(self, action: str, value: Any) -> str:
-        """Do what a browser asks for; see source.Source."""
+        """Do what a browser asks for, with a value that nobody has checked; say what was done.
+
+        Raises:
+            RefusedError: it is not done.
+            KeyError: there is no such action.
+        """
         do = {
             'law': self._set_law,
             'gain': self._set_gain,

@@ -37,11 +37,9 @@ class Recording:
         self._said = ''
 
     def __enter__(self) -> Recording:
-        """Nothing runs yet."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the recorder."""
         self._exit.close()
 
     def state(self) -> dict[str, Any]:

@@ -66,7 +66,6 @@ class LiveGraph(RosGraph):
         self._waiting: dict[str, float] = {}  # nodes that were asked and have not answered: when
 
     def __enter__(self) -> LiveGraph:
-        """Join the domain."""
         super().__enter__()
         self._node.create_subscription(
             ParameterEvent, '/parameter_events', self._on_event, PARAMETER_EVENTS

@@ -12,7 +12,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager
 from functools import partial
 from importlib.resources import files as resources
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aiohttp import WSMsgType, web
 
@@ -30,9 +30,15 @@ from parallel_robot.live.guard import (
     tell,
 )
 from parallel_robot.live.guard import Protocol as HttpProtocol
-from parallel_robot.live.source import RefusedError, Source
+from parallel_robot.live.source import RefusedError
 from parallel_robot_model.common.errors import InputError, ParallelRobotError
 from parallel_robot_model.processes.ending_signals import ending_signals
+
+if TYPE_CHECKING:
+    from parallel_robot.live.bag_source import BagSource
+    from parallel_robot.live.graph_source import GraphSource
+
+    Source = BagSource | GraphSource
 
 # The files of the page, held in memory; the drawing and the colours are those of the report.
 
@@ -94,7 +100,6 @@ class Hub:
     """Keeps what is shown, and passes it on to any number of browsers."""
 
     def __init__(self) -> None:
-        """Begin with nothing."""
         self._frames: deque[bytes] = deque(maxlen=BACKLOG)
         self._layout = -1
         self._newest: list[bytes] = []  # frames of the last look

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from parallel_robot.analysis.report.looks import joint_label
 from parallel_robot.live.frames import Camera
@@ -25,31 +25,6 @@ class Description(NamedTuple):
     low: float | None  # smallest value, if there is one
     high: float | None  # largest value, likewise
     fixed: bool = False  # whether it cannot be changed
-
-
-class Source(Protocol):
-    """Something that moves and can be acted on."""
-
-    def look(self) -> list[bytes]:
-        """Frames since the last call, the newest last; see frames.py."""
-
-    def texts(self) -> dict[str, Any]:
-        """What else a browser knows, as plain data by name; sent when it has changed."""
-
-    async def act(self, action: str, value: Any) -> str:
-        """Do what a browser asks for.
-
-        Args:
-            action: Its name.
-            value: What the action needs, plain data from outside: nothing of it is checked yet.
-
-        Returns:
-            What was done, for the user.
-
-        Raises:
-            RefusedError: it is not done.
-            KeyError: there is no such action.
-        """
 
 
 # What the page says in words and numbers, as plain data.

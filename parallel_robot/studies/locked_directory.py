@@ -9,7 +9,6 @@ import json
 import os
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import IO, Any, ClassVar, TypeVar
 
 from parallel_robot_model.common.errors import InputError, RunError
@@ -49,20 +48,14 @@ class LockedDirectory(abc.ABC):
             self._claim()
             self._open()
         except OSError as error:
-            self.__exit__(type(error), error, None)
+            self.__exit__(type(error), error)
             raise InputError(f'cannot write to {self.directory}: {error.strerror}') from None
         except BaseException as error:
-            self.__exit__(type(error), error, None)
+            self.__exit__(type(error), error)
             raise
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Release the lock."""
+    def __exit__(self, kind: object, error: object, *_: object) -> None:
         if self._lock is not None:
             self._lock.close()
 

@@ -82,7 +82,6 @@ class Robot:
     """One robot: the nodes of one namespace."""
 
     def __init__(self) -> None:
-        """Begin without any knowledge."""
         # name of each node, without namespace, to its newest report
         self.nodes: dict[str, Report] = {}
         # law: the active law; empty while it is not known; fault: text of the fault,
@@ -196,7 +195,6 @@ class Robots:
     """All robots of a ROS domain."""
 
     def __init__(self) -> None:
-        """Begin without robots."""
         self._robots: dict[str, Robot] = {}
 
     def __getitem__(self, namespace: str) -> Robot:

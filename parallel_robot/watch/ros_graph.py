@@ -66,7 +66,6 @@ class RosGraph:
         self._state = b''  # the newest joint state since the last look
 
     def __enter__(self) -> RosGraph:
-        """Join the domain."""
         node = tool_node(self._name, enable_rosout=False)
         self._node = self._exit.enter_context(node)
         self._executor = SingleThreadedExecutor()
@@ -75,7 +74,6 @@ class RosGraph:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave it."""
         self._exit.close()
 
     def watch(self, namespace: str) -> None:

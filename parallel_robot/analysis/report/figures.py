@@ -354,36 +354,31 @@ def _draw_robot(panels: Sequence[Any], run: Named, motion: Motion) -> None:
 def _draw_paths(
     panels: Sequence[Any], poses: Sequence[Poses], looks: list[dict[str, Any]], name: str = ''
 ) -> None:
-    if poses[0].in_space:
-        _draw_in_space(panels, poses, looks, name)
-        return
-    (axes,) = panels
-    for k, pose in enumerate(poses):
-        grey = '' if k else 'reference'
-        axes.plot(*(1e3 * pose.reference[:, :2].T), color='0.6', linewidth=2.5, label=grey)
-    for pose, look in zip(poses, looks, strict=False):
-        axes.plot(*(1e3 * pose.actual[:, :2].T), **{**look, 'lw': 1.2}, label=name)
-    starts = np.unique([1e3 * pose.actual[0, :2] for pose in poses], axis=0)
-    axes.plot(*starts.T, 'o', color=COLOURS[1], label='start')
-    x, y = (f'{axis} [mm]' for axis in poses[0].axes[:2])
-    axes.set(xlabel=x, ylabel=y, title='Path', aspect='equal')
-    axes.margins(0.12)
-    axes.legend(loc='upper right')
+    space = poses[0].in_space
 
+    def draw(points: np.ndarray, **look: Any) -> None:
+        if space:
+            add_path(panels, points, **look)
+        else:
+            panels[0].plot(*(1e3 * points[:, :2].T), **look)
 
-def _draw_in_space(
-    panels: Sequence[Any], poses: Sequence[Poses], looks: list[dict[str, Any]], name: str
-) -> None:
     for k, pose in enumerate(poses):
-        grey = '' if k else 'reference'
-        add_path(panels, pose.reference, color='0.6', linewidth=2.5, label=grey)
+        draw(pose.reference, color='0.6', linewidth=2.5, label='' if k else 'reference')
     for pose, look in zip(poses, looks, strict=False):
-        add_path(panels, pose.actual, **{**look, 'lw': 1.2}, label=name)
-    starts = np.unique([pose.actual[0, :3] for pose in poses], axis=0)
-    add_path(panels, starts, color=COLOURS[1], marker='o', ms=4, linestyle='', label='start')
+        draw(pose.actual, **{**look, 'lw': 1.2}, label=name)
+    starts = np.unique([pose.actual[0, : 3 if space else 2] for pose in poses], axis=0)
+    size = {'ms': 4} if space else {}
+    draw(starts, color=COLOURS[1], marker='o', linestyle='', label='start', **size)
     panels[0].set_title('Path')
-    handles = panels[-1].get_legend_handles_labels()
-    panels[-1].legend(*handles, loc='center left', bbox_to_anchor=(1.25, 0.5), frameon=False)
+    if space:
+        handles = panels[-1].get_legend_handles_labels()
+        side = {'loc': 'center left', 'bbox_to_anchor': (1.25, 0.5), 'frameon': False}
+        panels[-1].legend(*handles, **side)
+        return
+    x, y = (f'{axis} [mm]' for axis in poses[0].axes[:2])
+    panels[0].set(xlabel=x, ylabel=y, aspect='equal')
+    panels[0].margins(0.12)
+    panels[0].legend(loc='upper right')
 
 
 def _draw_errors(

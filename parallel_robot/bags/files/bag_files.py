@@ -157,7 +157,6 @@ class Certificate(NamedTuple):
     lost: int | None  # how many are known to be missing; None when that is not known
 
     def __str__(self) -> str:
-        """For people."""
         return f'written {self.written}, lost {"unknown" if self.lost is None else self.lost}'
 
     def dump(self) -> str:

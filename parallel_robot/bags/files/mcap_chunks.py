@@ -243,12 +243,10 @@ class ChunkTable:
     """The chunks of a file."""
 
     def __init__(self) -> None:
-        """Begin without any."""
         self._numbers = array('Q')
         self.channels: dict[tuple[int, ...], int] = {}  # of many chunks, once
 
     def __len__(self) -> int:
-        """How many there are."""
         return len(self._numbers) // FIELDS
 
     def add(
@@ -283,7 +281,6 @@ class Chunks:
     """The chunks of the files of a bag, by their first log times; else by their places."""
 
     def __init__(self, tables: Sequence[ChunkTable]) -> None:
-        """Take the chunks of all files."""
         parts = [table.numbers() for table in tables]
         numbers = np.concatenate([np.empty((0, FIELDS), np.uint64), *parts])
         order = np.argsort(numbers[:, 0], kind='stable')
@@ -302,11 +299,9 @@ class Chunks:
         return self._numbers[:, 1]
 
     def __len__(self) -> int:
-        """How many there are."""
         return len(self._numbers)
 
     def __iter__(self) -> Iterator[Chunk]:
-        """One after the other."""
         return map(self.__getitem__, range(len(self)))
 
     def __getitem__(self, k: int) -> Chunk:

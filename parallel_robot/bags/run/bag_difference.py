@@ -6,7 +6,6 @@ import heapq
 from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
@@ -60,14 +59,6 @@ def _apart(one: Iterator[Recording], two: Iterator[Recording]) -> tuple[list[flo
     return largest, units
 
 
-class _Difference(NamedTuple):
-    """Where two streams part: time [ns], topic and what is there."""
-
-    log_time: int
-    topic: str
-    what: str
-
-
 def compare(
     bag: str | Path, other: str | Path, memory: int = MEMORY, until: int | None = None
 ) -> tuple[int, str]:
@@ -93,19 +84,16 @@ def compare(
         if side == 0 and start is None:
             start = message.log_time
     found = [
-        _Difference(difference[0], topic, difference[1])
+        (difference[0], topic, difference[1])
         for topic, pair in pairs.items()
         if (difference := pair.difference()) is not None
     ]
     count = sum(pair.counts[0] for pair in pairs.values())
     if not found:
         return count, ''
-    earliest = min(found)
-    begin = earliest.log_time if start is None else start
-    return count, (
-        f'first on {earliest.topic} at t = {(earliest.log_time - begin) / 1e9:.3f} s: '
-        f'{earliest.what}; {len(found)} topics differ'
-    )
+    earliest, topic, what = min(found)
+    time = 0.0 if start is None else (earliest - start) / 1e9
+    return count, f'first on {topic} at t = {time:.3f} s: {what}; {len(found)} topics differ'
 
 
 class _Pair:

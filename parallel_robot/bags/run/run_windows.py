@@ -108,7 +108,6 @@ class AlikeLines:
     """Collects lines; those that differ in nothing but their numbers count as one."""
 
     def __init__(self) -> None:
-        """Begin without lines."""
         self._kinds: dict[str, _Kind] = {}
         self._bag = Path()
         self._unreferenced, self._since = 0, 0.0  # states without a reference, the first one [s]

@@ -8,7 +8,7 @@ import shlex
 import signal
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,11 @@ from parallel_robot_model.common.errors import (
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.messages.topics import add_namespace_argument, full
+from parallel_robot_model.processes.node_processes import NodeProcesses
 from parallel_robot_sim.configuration import configure
+
+if TYPE_CHECKING:
+    from parallel_robot.cli.ros_session import Session
 
 # What a recorded drill shows: stops, processes that stand still, and what the robot did then.
 
@@ -184,7 +188,7 @@ def execute(arguments: argparse.Namespace) -> int:
         print(f'{number} {step.name}: {step.text}', flush=True)
         bag = arguments.out / f'{number}_{step.name}'
         changed = base | step.changes | learnt
-        during = Drill() if step.name == 'drill' else lambda *_: None
+        during = drill() if step.name == 'drill' else lambda *_: None
         values = resolve(arguments.scenario, changed)
         ended = run.move(configure(values), arguments.scenario, changed, bag, space, during)
         if ended.signal:
@@ -248,21 +252,19 @@ def steps_of(scenario: str, base: Mapping[str, Any]) -> dict[str, Step]:
     return {step.name: step for step in steps}
 
 
-class Drill:
-    """Does what DRILL says, each at its time."""
+def drill() -> run.During:
+    """Make a function that does what DRILL says, each at its time."""
+    left = [*DRILL]
 
-    def __init__(self) -> None:
-        """Begin with the first."""
-        self._left = list(DRILL)
-
-    def __call__(self, processes: Any, session: Any, time: float) -> None:
-        """Do what is due."""
-        while self._left and time >= self._left[0][0]:
-            _, what, number = self._left.pop(0)
+    def act(processes: NodeProcesses, session: Session, time: float) -> None:
+        while left and time >= left[0][0]:
+            _, what, number = left.pop(0)
             if number:
                 processes.signal(what, number)
             else:
                 session.trigger(what)
+
+    return act
 
 
 def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Finding]:

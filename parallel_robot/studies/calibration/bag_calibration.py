@@ -7,7 +7,7 @@ import math
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -128,17 +128,18 @@ def calibrate(
     """
     duration, states = recording.size(bag, view)
 
-    def look(windows: Iterator[Recording]) -> tuple[RunLog, _Measured, NearStates, list[str]]:
+    def look(windows: Iterator[Recording]) -> tuple[RunLog, MeasuredPoses, NearStates, list[str]]:
         """The run without its states, the poses, the states near them, and warnings."""
         told = AlikeLines()
-        found: tuple[RunLog, _Measured, NearStates] | None = None
+        found: tuple[RunLog, MeasuredPoses, NearStates] | None = None
+        remarks: list[str] = []
         for window in windows:
             log = window.log
             told.take(bag, log)
             if found is None:
-                measured = _measured(bag, log, poses, topic, states > KEPT)
+                measured, remarks = _measured(bag, log, poses, topic, states > KEPT)
                 robot, guess = nominal_of(log.config)
-                time = measured.poses.time
+                time = measured.time
                 most = margin(duration, states, len(time))
                 near = NearStates(robot, guess, known(log.config), time, most)
                 found = run_log.head(log, 0), measured, near
@@ -146,12 +147,11 @@ def calibrate(
                 found[2].add(log)
         if found is None:
             raise WholeNeededError('no window has a state')
-        return *found, [*told.lines]
+        return *found, [*told.lines, *remarks]
 
-    log, (measured, remarks), near, warnings = recorded_robot.evaluated(
+    log, measured, near, warnings = recorded_robot.evaluated(
         look, bag, code=code, view=view, motion_only=True
     )
-    warnings += remarks
     measured, remarks = _joined(near, measured, poses or bag)
     warnings += remarks
     with _naming(bag):
@@ -175,17 +175,10 @@ def calibrate(
     return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most), *judged))
 
 
-class _Measured(NamedTuple):
-    """Measured poses, and what was not used of them, one line each."""
-
-    poses: MeasuredPoses
-    remarks: list[str]
-
-
 def _measured(
     bag: Path, log: RunLog, poses: Path | None, topic: str | None, thinned: bool
-) -> _Measured:
-    """Poses of a file or of the bag; the first arguments as of :func:`calibrate`."""
+) -> tuple[MeasuredPoses, list[str]]:
+    """Poses of a file or of the bag, and what was not used of them, one line each."""
     if not is_known(log.config):
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, _ = nominal_of(log.config)
@@ -208,7 +201,7 @@ def _measured(
         measured = MeasuredPoses(time, *_coordinates(robot, names, found, home))
     if len(measured.time) < total:
         remarks.append(_thinned(poses or bag, total))
-    return _Measured(measured, remarks)
+    return measured, remarks
 
 
 def _thinned(source: Path, count: int) -> str:

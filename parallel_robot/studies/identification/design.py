@@ -241,7 +241,6 @@ class Designed(ShownResult):
         output.save(path, (comment + readable.dump(tree)).encode())
 
     def __repr__(self) -> str:
-        """The same in lines."""
         return '\n'.join(self.lines())
 
 

@@ -78,7 +78,6 @@ class SomeRows:
     """Rows evenly of all, at most SOME: enough to draw them."""
 
     def __init__(self) -> None:
-        """Begin without rows."""
         self._parts: list[Rows] = []
         self._every, self._count, self._kept = 1, 0, 0
 

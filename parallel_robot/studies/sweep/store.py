@@ -13,7 +13,7 @@ import shutil
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType, TracebackType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -189,12 +189,7 @@ class Store(LockedDirectory):
         # which rows are done, shape (rows,)
         self.done: NDArray[np.bool_] = np.zeros(plan.count, dtype=bool)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: object, *_: object) -> None:
         """Release the lock; of a new sweep that failed before its first row, nothing is left."""
         if error is not None and self.new and not self.done.any():
             shutil.rmtree(self.directory / PARTS, ignore_errors=True)
@@ -202,7 +197,7 @@ class Store(LockedDirectory):
                 for name in (self.MANIFEST, STUDY, LOCK):
                     (self.directory / name).unlink(missing_ok=True)
                 self.directory.rmdir()
-        super().__exit__(kind, error, trace)
+        super().__exit__(kind, error)
 
     def add(self, rows: Arrow) -> None:
         """Keep finished rows.

@@ -92,11 +92,9 @@ class Processes:
         return [worker.process.pid for worker in self._workers]
 
     def __enter__(self) -> Processes:
-        """Start none yet."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the processes."""
         for worker in self._workers:
             worker.process.kill()  # they write nothing: there is nothing to tidy up
             worker.pipe.close()

@@ -187,13 +187,7 @@ def parse_weights(text: str, measure: str) -> Weights:
             raise UnknownNameError('weight', name, names)
         if names[name] in found:
             raise InputError(f'--weights names {name} twice')
-        try:
-            weight = float(number)
-        except ValueError:
-            weight = math.nan
-        if not 0.0 < weight < math.inf:
-            raise InputError(f'--weights: {name} must be a positive number, not {number!r}')
-        found[names[name]] = weight
+        found[names[name]] = _positive(f'--weights: {name}', number)
     return Weights(**found)
 
 
@@ -234,13 +228,17 @@ def parse_effort(text: str) -> Effort:
         raise UnknownNameError('measure of effort', measure, MEASURES)
     if not equals:
         return Effort(measure)
+    return Effort(measure, _positive(f'--effort: {measure}', number) / MEASURES[measure].scale)
+
+
+def _positive(what: str, text: str) -> float:
     try:
-        limit = float(number)
+        number = float(text)
     except ValueError:
-        limit = math.nan
-    if not 0.0 < limit < math.inf:
-        raise InputError(f'--effort: {measure} must be a positive number, not {number!r}')
-    return Effort(measure, limit / MEASURES[measure].scale)
+        number = math.nan
+    if not 0.0 < number < math.inf:
+        raise InputError(f'{what} must be a positive number, not {text!r}')
+    return number
 
 
 # Proposals of gains, by optuna's tree-structured Parzen estimator (TPE).
