@@ -32,59 +32,27 @@ class Verdict(NamedTuple):
     values: dict[str, float]  # law to value, in the unit of the claim
 
 
-def _error(metrics: Metrics) -> float:
-    return metrics.steady.xy_rms_m
-
-
 def _time(metrics: Metrics) -> float:
     settled = metrics.transient.to_1_mm_s
     return math.inf if settled is None else settled
 
 
+OTHERS = ('smc', 's_smc', 'nftsmc')
+# The metric of a claim, its unit and the factor to that from SI.
+ERROR: tuple[Value, str, float] = (lambda metrics: metrics.steady.xy_rms_m, 'µm', 1e6)
+TIME: tuple[Value, str, float] = (_time, 's', 1.0)
+APART: tuple[Value, str, float] = (lambda metrics: metrics.steady.sync_rms_rad, 'µrad', 1e6)
+ROUGH: tuple[Value, str, float] = (lambda metrics: metrics.torque.chattering_nm, 'N m', 1.0)
+FASTER = 'NFTSMC converges faster than SMC and S-SMC (to 1 mm)'
 CLAIMS = (
-    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), _error, 'µm', 1e6),
-    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), _error, 'µm', 1e6),
-    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), _error, 'µm', 1e6),
-    Claim(
-        'NFTSMC converges faster than SMC and S-SMC (to 1 mm)',
-        'nftsmc',
-        ('smc', 's_smc'),
-        _time,
-        's',
-        1.0,
-    ),
-    Claim(
-        'S-FOTSMC tracks best of the four',
-        's_fotsmc',
-        ('smc', 's_smc', 'nftsmc'),
-        _error,
-        'µm',
-        1e6,
-    ),
-    Claim(
-        'S-FOTSMC converges fastest of the four (to 1 mm)',
-        's_fotsmc',
-        ('smc', 's_smc', 'nftsmc'),
-        _time,
-        's',
-        1.0,
-    ),
-    Claim(
-        'S-FOTSMC synchronises the joints best of the four',
-        's_fotsmc',
-        ('smc', 's_smc', 'nftsmc'),
-        lambda metrics: metrics.steady.sync_rms_rad,
-        'µrad',
-        1e6,
-    ),
-    Claim(
-        'NFTSMC still chatters, S-FOTSMC does not',
-        's_fotsmc',
-        ('nftsmc',),
-        lambda metrics: metrics.torque.chattering_nm,
-        'N m',
-        1.0,
-    ),
+    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), *ERROR),
+    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), *ERROR),
+    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), *ERROR),
+    Claim(FASTER, 'nftsmc', ('smc', 's_smc'), *TIME),
+    Claim('S-FOTSMC tracks best of the four', 's_fotsmc', OTHERS, *ERROR),
+    Claim('S-FOTSMC converges fastest of the four (to 1 mm)', 's_fotsmc', OTHERS, *TIME),
+    Claim('S-FOTSMC synchronises the joints best of the four', 's_fotsmc', OTHERS, *APART),
+    Claim('NFTSMC still chatters, S-FOTSMC does not', 's_fotsmc', ('nftsmc',), *ROUGH),
 )
 
 

@@ -38,6 +38,8 @@ from trajectory_gen import preflight
 
 MOST = 600_001  # samples of a motion, of 24 bytes a joint
 INSTEAD = {'clip': 'clip', 'where': 'select', 'dot': 'dot'}  # of NumPy, for vectors
+SLIDING = "sliding variable in the law's unit"
+APPLIED = 'torque applied during the step that ended at the measurement'
 OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_age')
 
 
@@ -84,21 +86,14 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     known = faults.of(robot.module)
     codes = {0: 'none'} | {number: fault.text for number, fault in known.items()}
     variables = [
-        *rows.of(kernels.POSITION, 'position', 'input', 'rad', 'measured position'),
-        *rows.of(kernels.VELOCITY, 'velocity', 'input', 'rad/s', 'measured rate'),
         *rows.of(
-            kernels.EFFORT, 'effort', 'input', 'N m',
-            'torque applied during the step that ended at the measurement',
-        ),
-        *rows.of(
-            kernels.REFERENCE, 'reference.position', 'input', 'rad', 'desired position'
-        ),
-        *rows.of(
-            kernels.REFERENCE + 1, 'reference.velocity', 'input', 'rad/s', 'desired rate'
-        ),
-        *rows.of(
-            kernels.REFERENCE + 2, 'reference.acceleration', 'input', 'rad/s^2',
-            'desired acceleration',
+            'input',
+            (kernels.POSITION, 'position', 'rad', 'measured position'),
+            (kernels.VELOCITY, 'velocity', 'rad/s', 'measured rate'),
+            (kernels.EFFORT, 'effort', 'N m', APPLIED),
+            (kernels.REFERENCE, 'reference.position', 'rad', 'desired position'),
+            (kernels.REFERENCE + 1, 'reference.velocity', 'rad/s', 'desired rate'),
+            (kernels.REFERENCE + 2, 'reference.acceleration', 'rad/s^2', 'desired acceleration'),
         ),
         Variable(
             'age', 'input', 'real', 'from the measurement to the moment at which the torque acts',
@@ -113,12 +108,12 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
             'torque with what acts; else as at a common start', '', 0.0, 0.0, 1.0,
             last + WORD * kernels.JOINS,
         ),
-        *rows.of(kernels.TORQUE, 'torque', 'output', 'N m', 'commanded torque'),
         *rows.of(
-            kernels.SLIDING_VARIABLE, 'sliding_variable', 'output', '',
-            "sliding variable in the law's unit",
+            'output',
+            (kernels.TORQUE, 'torque', 'N m', 'commanded torque'),
+            (kernels.SLIDING_VARIABLE, 'sliding_variable', '', SLIDING),
+            (kernels.COUPLED_ERROR, 'coupled_error', 'rad', 'coupled error'),
         ),
-        *rows.of(kernels.COUPLED_ERROR, 'coupled_error', 'output', 'rad', 'coupled error'),
         *(
             Variable(name, 'output', 'integer', text, '', 0.0, address=last + WORD * place)
             for name, text, place in (
@@ -182,15 +177,15 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
         return instance._replace(setup=plant.setup._replace(stepping=stepping))
 
     variables = [
-        *rows.of(kernels.PLANT_TORQUE, 'torque', 'input', 'N m', 'commanded torque'),
-        *rows.of(kernels.PLANT_POSITION, 'position', 'output', 'rad', 'measured position'),
-        *rows.of(kernels.PLANT_VELOCITY, 'velocity', 'output', 'rad/s', 'measured rate'),
+        *rows.of('input', (kernels.PLANT_TORQUE, 'torque', 'N m', 'commanded torque')),
         *rows.of(
-            kernels.PLANT_EFFORT, 'effort', 'output', 'N m',
-            'torque applied during the step that ended at the measurement',
+            'output',
+            (kernels.PLANT_POSITION, 'position', 'rad', 'measured position'),
+            (kernels.PLANT_VELOCITY, 'velocity', 'rad/s', 'measured rate'),
+            (kernels.PLANT_EFFORT, 'effort', 'N m', APPLIED),
+            (kernels.JOINTS, 'true.position', 'rad', 'true position'),
+            (kernels.RATES, 'true.velocity', 'rad/s', 'true rate'),
         ),
-        *rows.of(kernels.JOINTS, 'true.position', 'output', 'rad', 'true position'),
-        *rows.of(kernels.RATES, 'true.velocity', 'output', 'rad/s', 'true rate'),
         Variable(
             'age', 'output', 'real', 'age of the state that its stamp tells', 's', 0.0,
             address=last + WORD * kernels.PLANT_AGE,

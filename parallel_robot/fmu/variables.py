@@ -43,8 +43,12 @@ class Rows(NamedTuple):
     joints: Sequence[str]  # names of the joints
     units: JointUnits  # their units
 
-    def of(self, row: int, name: str, role: str, unit: str, text: str) -> Iterator[Variable]:
-        """A variable for each joint, of the unit for hinges."""
+    def of(self, role: str, *rows: tuple[int, str, str, str]) -> Iterator[Variable]:
+        """A variable for each joint, of rows: number, name, unit for hinges, and what it is."""
+        for row, name, unit, text in rows:
+            yield from self._of(row, name, role, unit, text)
+
+    def _of(self, row: int, name: str, role: str, unit: str, text: str) -> Iterator[Variable]:
         for k, joint in enumerate(self.joints):
             own = self.units.one(k)
             place = self.address + WORD * (row * len(self.joints) + k)

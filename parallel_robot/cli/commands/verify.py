@@ -7,6 +7,7 @@ import functools
 import math
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any
 
 from parallel_robot.bags.output import tracked
 from parallel_robot.cli.commands import simulate
@@ -105,32 +106,30 @@ def _against_mujoco(
     form: str | None,
 ) -> int:
     """Compare random robots of each kind; print the worst."""
-    rows, data = [], []
+    data: list[dict[str, Any]] = []
     for kind, compared in kinds:
         found = compared(tracked(range(robots), robots, kind), seed, duration)
         worst = max(found, key=lambda difference: difference.largest)
-        least = min(difference.path for difference in found)
-        agrees = worst.largest < TOLERANCE
-        verdict = 'agrees' if agrees else f'more than {TOLERANCE:g}'
-        rows.append(
-            [
-                kind,
-                f'{worst.largest:.1e}',
-                f'{worst.robot} of {len(found)}',
-                f'{least:.2g}',
-                verdict,
-            ]
-        )
         data.append(
             {
                 'kind': kind,
                 'robots': len(found),
                 'largest_difference': worst.largest,
                 'robot': worst.robot,
-                'least_path': least,
-                'agrees': agrees,
+                'least_path': min(difference.path for difference in found),
+                'agrees': worst.largest < TOLERANCE,
             }
         )
+    rows = [
+        [
+            each['kind'],
+            f'{each["largest_difference"]:.1e}',
+            f'{each["robot"]} of {each["robots"]}',
+            f'{each["least_path"]:.2g}',
+            'agrees' if each['agrees'] else f'more than {TOLERANCE:g}',
+        ]
+        for each in data
+    ]
     head = f'largest difference of the poses over {duration:g} s, [m] or [rad]'
     columns = ['kind', 'difference', 'robot', 'least way', 'verdict']
     show(form, [head, Table(columns, rows, 'lrrrl')], data)
