@@ -233,7 +233,7 @@ def region_of(robot: RobotModel, plane: Plane, steps: int = FINE) -> Region:
         wider = _wider(region, window, 1.0)
         if (wider != window).any():
             window = wider
-        elif _counts(region).max() < FEW:
+        elif (np.ptp(region.extent, axis=1) / _steps(region)).max() < FEW:
             window = _cropped(region)
         else:
             break
@@ -340,12 +340,6 @@ def _cropped(region: Region) -> Array:
     """A window around the region, wider by two steps of its grid."""
     (low, high), steps = np.transpose(region.extent), _steps(region)
     return np.stack([low - 2.0 * steps, high + 2.0 * steps])
-
-
-def _counts(region: Region) -> Array:
-    """Number of steps of the region along both axes, shape (2,)."""
-    low, high = np.transpose(region.extent)
-    return np.asarray((high - low) / _steps(region))
 
 
 def _steps(region: Region) -> Array:

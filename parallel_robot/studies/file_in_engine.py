@@ -6,6 +6,7 @@ joints by the rates with which the suite's other joints follow; these must keep 
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
@@ -124,14 +125,14 @@ def _at_postures(
             kept = len(made.held) - len(held)
             yield Compared('idle motions', 'the machine', '', kept, idle.shape[1], 1.0)
         yield _inertia(made, M, V, free, engine.inertia)
-        here = moving - still + np.array(made.viscous) * rates
-        rubs = np.array(made.coulomb) * np.sign(rates)
-        damped, rubbed, dragged = (V.T @ each for each in engine.moving(V @ rates))
-        faint = FAINT * weight
-        yield _largest('gravity and springs', made, still, V.T @ engine.still, faint)
-        yield _largest('dampers', made, here, damped)
-        yield _largest('dry friction', made, rubs, rubbed)
-        yield _largest('fluid', made, np.zeros(n), dragged)
+        yield _largest('gravity and springs', made, still, V.T @ engine.still, FAINT * weight)
+        ours = {
+            'dampers': moving - still + np.array(made.viscous) * rates,
+            'dry friction': np.array(made.coulomb) * np.sign(rates),
+            'fluid': np.zeros(n),
+        }
+        for (what, here), there in zip(ours.items(), engine.moving(V @ rates), strict=True):
+            yield _largest(what, made, here, V.T @ there)
 
 
 def _loops(engine: Any, V: Array, length: float) -> Iterator[Compared]:
@@ -188,6 +189,16 @@ def _limits(made: Machine, engine: Any) -> Iterator[Compared]:
             yield Compared(what, name, units[slides], float(one), float(other), size)
 
 
+@contextlib.contextmanager
+def _telling(engine: str, *errors: type[Exception]) -> Iterator[None]:
+    """Say in a line why an engine does not take a file."""
+    try:
+        yield
+    except errors as error:
+        why = printable(' '.join(str(error).split()))
+        raise InputError(f'{engine} does not take it: {why}') from None
+
+
 # MuJoCo, which compiles a file from its path, and its numbers of kinds.
 
 FREE, BALL = 0, 1  # of joints
@@ -203,12 +214,8 @@ class _Mujoco:
     def __init__(self, path: Path) -> None:
         self._mujoco: Any = optional('mujoco')
         self.name = f'MuJoCo {self._mujoco.__version__}'
-        try:
+        with _telling('MuJoCo', ValueError, self._mujoco.FatalError):
             self._model = self._mujoco.MjModel.from_xml_path(str(path))
-        except (ValueError, self._mujoco.FatalError) as error:
-            raise InputError(
-                f'MuJoCo does not take it: {printable(" ".join(str(error).split()))}'
-            ) from None
         self._model.opt.jacobian = self._mujoco.mjtJacobian.mjJAC_DENSE
         self._model.opt.disableflags |= self._mujoco.mjtDisableBit.mjDSBL_CONTACT
         if hasattr(self._model, 'actuator_delay'):
@@ -325,13 +332,10 @@ class _Pinocchio:
     def __init__(self, path: Path) -> None:
         try:
             self._pin: Any = import_module('pinocchio')
-            self._model = self._pin.buildModelFromUrdf(str(path))
         except ImportError:
             raise InputError('Pinocchio is not installed; pip install pin') from None
-        except (ValueError, RuntimeError) as error:
-            raise InputError(
-                f'Pinocchio does not take it: {printable(" ".join(str(error).split()))}'
-            ) from None
+        with _telling('Pinocchio', ValueError, RuntimeError):
+            self._model = self._pin.buildModelFromUrdf(str(path))
         self.name = f'Pinocchio {self._pin.__version__}'
         self._data = self._model.createData()
         self.joints = [*self._model.names][1:]

@@ -142,7 +142,10 @@ class RecordedController:
         self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
         acts = self.stamps if log.used is None else log.used.acts[self.rows]
-        self._renewals = self._renewed((acts - log.start_stamp) // self._loop.period_ns)
+        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf).renewals
+        rows = np.searchsorted((acts - log.start_stamp) // self._loop.period_ns, ends)
+        # rows of the first states that new controllers hear
+        self._renewals = rows[(rows > 0) & (rows < len(self.rows))]
         dt[[0, *self._restarts, *self._renewals]] = self._loop.period
         self._states = States(
             log.position[self.rows],
@@ -164,12 +167,6 @@ class RecordedController:
         self._returns = np.flatnonzero(overdue[:-1] & ~overdue[1:]) + 1
         edges = (begun, self._restarts, self._gaps, self._renewals, self._returns)
         self._edges = np.unique(np.concatenate(edges))
-
-    def _renewed(self, samples: np.ndarray) -> np.ndarray:
-        """Rows of the first states that new controllers hear; `samples` of the states."""
-        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf).renewals
-        rows = np.searchsorted(samples, ends)
-        return rows[(rows > 0) & (rows < len(samples))]
 
     def _take_used(self, used: Used, timeout: int) -> None:
         """Take the references that were used; what is older than a time-out [ns] is at rest."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -200,26 +200,13 @@ def leaping(position: np.ndarray) -> np.ndarray:
 FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 
 
-class RunMessages(NamedTuple):
-    """Messages of a run, each kind in one piece."""
-
-    states: Samples  # in the order of their stamps, with velocities, NaN where the bag has none
-    references: Samples  # in the order of their stamps
-    commands: Samples  # in their own order, NaN where no robot can obey
-    # the commands with the states that they answer; None where the bag does not say
-    recorded: Answers | None
-    # all messages of its topics, those of other publishers left out
-    streams: Mapping[Topic, list[Samples]]
-    warnings: list[str]  # what was left out or put in order, one line each
-
-
 def of(
     bag: Path,
     found: Bag[list[Samples]],
     streams: Mapping[Topic, list[Samples]],
     joints: tuple[str, ...],
     units: JointUnits,
-) -> RunMessages:
+) -> tuple[Samples, Samples, Samples, Answers | None, dict[Topic, list[Samples]], list[str]]:
     """The messages of a run, or of a part of it.
 
     Args:
@@ -228,6 +215,12 @@ def of(
         streams: Its messages by topic.
         joints: Names of the actuated joints.
         units: Units of the joints.
+
+    Returns:
+        States, with velocities, NaN where there are none, and references, both in the order of
+        their stamps; commands, NaN where no robot can obey; the commands with the states that
+        they answer, None where the bag does not say; all messages of its topics, without those of
+        other publishers; what was left out or put in order, one line each.
 
     Raises:
         BagError: a topic that is needed is not there, or not understood.
@@ -253,10 +246,9 @@ def of(
     streams |= {
         each: [one] for each, one in zip(NEEDED, (states, references, commands), strict=True)
     }
-    states = _physical(bag, topics.JOINT_STATES, states, warnings)
-    references = _physical(bag, topics.REFERENCE, references, warnings)
-    states = _ordered(bag, topics.JOINT_STATES, states, warnings)
-    references = _ordered(bag, topics.REFERENCE, references, warnings)
+    for clean in (_physical, _ordered):
+        states = clean(bag, topics.JOINT_STATES, states, warnings)
+        references = clean(bag, topics.REFERENCE, references, warnings)
     if not found.metadata:
         states = _alone(bag, states, warnings, units)
     if 'velocity' not in states.numbers:
@@ -267,7 +259,7 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = matching.recorded_answers(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
-    return RunMessages(states, references, commands, recorded, streams, warnings)
+    return states, references, commands, recorded, streams, warnings
 
 
 APART = 1_000_000_000  # ns, between what two recorders wrote of one message; more is another run

@@ -160,9 +160,10 @@ def calibrate(
         robot, _ = nominal_of(log.config)
         zero = known(log.config)
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
-    cause = likely_cause(model, free)
-    if cause and cause.distant:
-        raise BagError(f'{poses or bag}: {_not_those(model)} but with {cause.text} they are')
+    cause, distant = likely_cause(model, free) or ('', False)
+    unlike = f'{poses or bag}: the poses are not those of the {robot.name}, {_off(model)} off;'
+    if distant:
+        raise BagError(f'{unlike} but with {cause} they are')
     with Progress(None, 'robots tried') as progress, _naming(bag):
         model.watch = progress.show
         fit = least_squares.fit(model)
@@ -170,7 +171,7 @@ def calibrate(
     doubt = _judged(model, fit)
     judged = [f'{poses or bag}: {doubt}'] if doubt else []
     if cause:
-        judged.append(f'{poses or bag}: {_not_those(model)} with {cause.text} they nearly are')
+        judged.append(f'{unlike} with {cause} they nearly are')
     most = margin(duration, states, len(near.around))
     return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most), *judged))
 
@@ -266,11 +267,11 @@ def _joined(
     return _evenly(used, source, remarks), remarks
 
 
-def _not_those(model: PoseModel) -> str:
-    """That poses are not those of the nominal robot, in words, as the begin of a line."""
+def _off(model: PoseModel) -> str:
+    """What the nominal robot leaves of the poses, rms, for people."""
     before = model.left(model.start)
     assert before is not None  # it was looked at when the model was made
-    return f'the poses are not those of the {model.robot.name}, {_rms(model, before)} off;'
+    return _rms(model, before)
 
 
 def _rms(model: PoseModel, left: Array) -> str:
@@ -303,18 +304,12 @@ def _judged(model: PoseModel, found: Fit) -> str:
         if now <= MOST_OF_NOISE * least:
             continue
         if now > MOST_LEFT * then:
-            raise BagError(_unexplained(model, found.left))
+            raise BagError(
+                f'no geometry explains the poses: they are {_rms(model, found.left)} off, before '
+                f'{_off(model)}; nor does one of {TRIED}'
+            )
         told = f'{_rms(model, found.left)} of the poses is left, more than the noise of a tracker'
     return told
-
-
-def _unexplained(model: PoseModel, left: Array) -> str:
-    before = model.left(model.start)
-    assert before is not None
-    return (
-        f'no geometry explains the poses: they are {_rms(model, left)} off, before '
-        f'{_rms(model, before)}; nor does one of {TRIED}'
-    )
 
 
 def _doubts(model: PoseModel, found: Fit, most: float) -> list[str]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator
-from typing import NamedTuple
 
 import numpy as np
 from scipy import optimize
@@ -36,15 +35,10 @@ UNITS = {
 TRIED = 'mm, degrees, mirrored or swapped axes, another frame or target, order and sign of joints'
 
 
-class Cause(NamedTuple):
-    """What the poses of a tracker may be."""
-
-    text: str  # what they are then those of the nominal robot with, or by
-    distant: bool  # whether they are so far from it that no geometry is looked for
-
-
-def likely_cause(model: PoseModel, free: Collection[str]) -> Cause | None:
+def likely_cause(model: PoseModel, free: Collection[str]) -> tuple[str, bool] | None:
     """The likeliest cause for poses that are not those of the nominal robot; None: there is none.
+
+    It comes with whether they are so far from it that no geometry is looked for.
 
     Args:
         model: What is looked for.
@@ -98,7 +92,7 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> Cause | None:
         return None
     spread = own[:, list(model.measured.columns)].std(axis=0)
     far = np.sqrt((before**2).mean(axis=0)) > DISTANT * np.maximum(spread, LEAST)
-    return Cause(found[0], bool(far.any()))
+    return found[0], bool(far.any())
 
 
 def _free_text(free: Collection[str]) -> str:

@@ -134,7 +134,7 @@ def rows(
     window = 2 * max(3, round(0.5 * WINDOW / cutoff / period)) + 1
     taps = 2 * round(0.5 * SUPPORT / cutoff / period) + 1
     every = max(1, round(0.5 / cutoff / period))
-    duration, known = 0.0, 0
+    duration, known, model = 0.0, 0, base_parameters.linear_model(robot)
     for part in stretches(motion, 2 * (window + taps)):
         ages = (late, late + step) if step else (late,)
         try:
@@ -148,12 +148,10 @@ def rows(
         for first in range(0, len(pose) - taps + 1, BLOCK * every):
             some = slice(first, first + (BLOCK - 1) * every + taps)
             piece = smooth.rows(some)
-            columns = [
-                _inertia(robot, base, pose[some], piece),
-                _friction(piece, smoothing, period),
-                rates[some],
-            ]
-            Y = np.concatenate(columns, axis=-1)
+            moved = piece.position, piece.velocity, piece.acceleration
+            inertia = model.regressor(robot.parameters, pose[some], *moved)[..., list(base.kept)]
+            friction = _friction(piece, smoothing, period)
+            Y = np.concatenate([inertia, friction, rates[some]], axis=-1)
             pieces.append(_filtered(piece, Y, slow, taps, every, cutoff, period))
         found = joined(pieces)
         yield found
@@ -236,13 +234,6 @@ def _smoothed(
     )
     smooth, velocity, acceleration = fits
     return _Smooth(time[inner], smooth, velocity, acceleration, torque[inner])
-
-
-def _inertia(robot: RobotModel, base: BaseParameters, pose: Array, smooth: _Smooth) -> Array:
-    Y = base_parameters.linear_model(robot).regressor(
-        robot.parameters, pose, smooth.position, smooth.velocity, smooth.acceleration
-    )
-    return np.asarray(Y[..., list(base.kept)])
 
 
 def _friction(smooth: _Smooth, smoothing: float, period: float) -> Array:
