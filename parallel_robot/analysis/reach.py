@@ -288,8 +288,7 @@ def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Regi
 def _traced(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach:
     module: Any = robot.module
     if hasattr(module, 'trace'):
-        found: Reach = module.trace(robot.parameters, poses, first)
-        return found
+        return module.trace(robot.parameters, poses, first)
     return _connected(robot, poses, first)
 
 

@@ -120,8 +120,7 @@ PAD = 0.03  # around all, of its size
 
 def figure_of(region: Region, scenery: Scenery) -> Any:
     """A region as a figure of matplotlib, one panel for each margin."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # slow to import: only when drawn
 
     margins = region.reach.margins or (None,)
     first, second = region.plane.axes
@@ -132,7 +131,6 @@ def figure_of(region: Region, scenery: Scenery) -> Any:
     height = min(WIDTH * shape, HIGHEST)
     size = (len(margins) * (height / shape + BAR), height + TITLE)
     figure = Figure(size, layout='constrained')
-    FigureCanvasAgg(figure)
     head, _, small = scenery.title.partition('\n')
     figure.suptitle(without_mathematics(head), fontweight='bold', fontsize=13)
     panels = figure.subplots(1, len(margins), squeeze=False, sharex=True, sharey=True)[0]

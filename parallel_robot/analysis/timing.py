@@ -279,8 +279,7 @@ class Quantiles:
         """The percentiles, interpolated; shape as that of the percentages."""
         asked = np.asarray([*percentages], np.float64)
         if self.count <= EXACT:
-            found: Array = np.percentile(np.concatenate(self._kept), asked)
-            return found
+            return np.percentile(np.concatenate(self._kept), asked)
         classes = sorted(self._classes)
         ends = np.cumsum([self._classes[k] for k in classes])
         values = np.array([_middle(k) for k in classes])
@@ -301,8 +300,7 @@ def counted(counts: Counter[int], percentages: Iterable[float]) -> NDArray[np.in
     numbers = sorted(counts)
     ends = np.cumsum([counts[number] for number in numbers])
     ranks = [max(math.ceil(ends[-1] * (asked / 100.0)), 1) for asked in percentages]
-    found: NDArray[np.int64] = np.array(numbers, np.int64)[np.searchsorted(ends, ranks)]
-    return found
+    return np.array(numbers, np.int64)[np.searchsorted(ends, ranks)]
 
 
 def _counted(numbers: Array) -> dict[int, int]:

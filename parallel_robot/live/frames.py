@@ -166,8 +166,7 @@ def _extremes(values: Array) -> Array:
     low = known.argmin(axis=0)
     high = np.where(np.isnan(values), -np.inf, values).argmax(axis=0)
     rows = np.sort(np.stack([low, high]), axis=0)
-    chosen: Array = np.take_along_axis(values, rows, axis=0).T
-    return chosen
+    return np.take_along_axis(values, rows, axis=0).T
 
 
 # States and references as they come, put together into motion.

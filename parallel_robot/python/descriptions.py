@@ -53,8 +53,7 @@ def show(
         for key, value in sorted(resolved.items())
     }
     columns = ['value', 'unit', 'description', 'source']
-    frame: Frame = frames.DataFrame.from_dict(rows, orient='index', columns=columns)
-    return frame
+    return frames.DataFrame.from_dict(rows, orient='index', columns=columns)
 
 
 def urdf(

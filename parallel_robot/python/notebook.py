@@ -329,8 +329,7 @@ def grid(
 def _told(frame: Frame, units: Iterable[JointUnits]) -> Frame:
     """A frame of metrics, named after the units of the joints of all its runs."""
     key = all_of(units).key
-    told: Frame = frame.rename(columns={name: key(name) for name in store.METRICS})
-    return told
+    return frame.rename(columns={name: key(name) for name in store.METRICS})
 
 
 def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:
@@ -402,8 +401,7 @@ def sweep(
     count = worker_count(workers, 'workers')
     directory = arguments.path('out', out)
     run_sweep(plan(asked), asked.text, directory, Processes(count), count)
-    frame: Frame = frames.read_parquet(directory / RUNS)
-    return frame
+    return frames.read_parquet(directory / RUNS)
 
 
 def _as_yaml(study: Mapping[str, Any]) -> str:

@@ -68,8 +68,7 @@ def spectrum(
         f'{joint}_{run.units.one(k).key(QUANTITIES[of])}' for k, joint in enumerate(run.joints)
     ]
     index = frames.Index(frequencies, name='frequency_hz')
-    frame: Frame = frames.DataFrame(density, index=index, columns=columns)
-    return frame
+    return frames.DataFrame(density, index=index, columns=columns)
 
 
 # A robot as a linear system, for tools of control engineering.

@@ -77,8 +77,7 @@ def _with_index(frame: Frame) -> Frame:
     """A frame with its index in front, a column a level, whatever the names are."""
     levels = frame.index.to_frame(index=False)
     levels.columns = [_name(name) for name in frame.index.names]
-    whole: Frame = pandas().concat([levels, frame.reset_index(drop=True)], axis=1)
-    return whole
+    return pandas().concat([levels, frame.reset_index(drop=True)], axis=1)
 
 
 def _name(name: Any) -> str:
@@ -146,8 +145,7 @@ def laws(custom_laws: Sequence[str | Path] = ()) -> Frame:
         }
         for name, law in known.items()
     ]
-    frame: Frame = frames.DataFrame(rows, index=list(known))
-    return frame
+    return frames.DataFrame(rows, index=list(known))
 
 
 def scenarios() -> Frame:
@@ -173,5 +171,4 @@ def scenarios() -> Frame:
         }
         for values in found.values()
     ]
-    frame: Frame = frames.DataFrame(rows, index=list(found))
-    return frame
+    return frames.DataFrame(rows, index=list(found))

@@ -187,8 +187,7 @@ def feedback(point: Point, weight: float) -> Array:
     A = point.transition - point.torque @ shift
     X = doubled(A, point.torque @ point.torque.T / cost, Q)
     inner = cost * np.eye(joints) + point.torque.T @ X @ point.torque
-    found: Array = np.linalg.solve(inner, point.torque.T @ X @ A) + shift
-    return found
+    return np.linalg.solve(inner, point.torque.T @ X @ A) + shift
 
 
 def doubled(A: Array, G: Array, H: Array) -> Array:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -19,7 +17,7 @@ from parallel_robot.bags.output import tracked, without_mathematics
 from parallel_robot.studies.calm import CAUSES, NEGLIGIBLE, REST, WHOLE, LeastError, least_error
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Part, Table
+from parallel_robot_model.common.tables import Part, Table, comma_separated
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config_files import (
@@ -117,12 +115,9 @@ class LeastErrors(NamedTuple):
 
     def csv(self) -> str:
         """The rows as comma-separated values."""
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator='\n')
         head, rows = self.rows()
-        writer.writerow(head)
-        writer.writerows(['' if value != value else value for value in row] for row in rows)
-        return stream.getvalue()
+        known = (['' if value != value else value for value in row] for row in rows)
+        return comma_separated(head, known)
 
     def save_figure(self, path: Path) -> None:
         """Draw the price of calm into a file, which must not exist.

@@ -87,8 +87,7 @@ def gains_class(described: Mapping[str, Mapping[str, Any]], module: str) -> type
     defaults = Gains._field_defaults | {gain: one['start'] for gain, one in described.items()}
     made._field_defaults, made.__new__.__defaults__ = defaults, tuple(defaults.values())
     made.__module__ = module
-    kind: type = made
-    return kind
+    return made
 
 
 def _limits(low: float | None, high: float | None) -> tuple[float, float]:

@@ -5,9 +5,11 @@ Cells are texts that are written as they are: a number has the same digits in ev
 
 from __future__ import annotations
 
+import csv
+import io
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from parallel_robot_model.common.errors import printable
 
@@ -77,6 +79,15 @@ FORMATS: dict[str, Callable[[Iterable[Part]], str]] = {
     'markdown': markdown,
     'latex': latex,
 }
+
+
+def comma_separated(head: Sequence[Any], rows: Iterable[Sequence[Any]]) -> str:
+    """Rows below their head as comma-separated values."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator='\n')
+    writer.writerow(head)
+    writer.writerows(rows)
+    return stream.getvalue()
 
 
 def _one_line(cell: str) -> str:

@@ -370,8 +370,7 @@ class Ghost:
         references = JointReference(*map(np.ascontiguousarray, references))
         batch = answer(self._control.setup, references, states, free, self._state)
         self._state = batch.state
-        torque: Array = batch.torque
-        return torque
+        return batch.torque
 
 
 if __name__ == '__main__':

@@ -39,6 +39,7 @@ LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins
 LARGEST = 'Largest '  # of all joints
 DISTANCE = 'distance'
 COLUMNS, FEW = 6, 4  # of a legend, and names of which each has its line
+UNDATED: dict[str, dict[str, Any]] = {'pdf': {'CreationDate': None}, 'svg': {'Date': None}}
 BROAD = {'color': '0.6', 'lw': 2.0}  # of what is measured
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
@@ -436,6 +437,19 @@ def save(figure: Any, path: str | Path) -> None:
         output.write_new(Path(path), content.getbuffer())
 
 
+def encoded(figure: Any, suffixes: Iterable[str]) -> dict[str, bytes]:
+    """A figure by suffix, of the same bytes at all times."""
+    from matplotlib import rc_context  # slow to import: only when drawn
+
+    pictures = {}
+    with rc_context({'svg.hashsalt': 'front'}):
+        for suffix in suffixes:
+            stream = io.BytesIO()
+            figure.savefig(stream, format=suffix, dpi=150, metadata=UNDATED.get(suffix))
+            pictures[suffix] = stream.getvalue()
+    return pictures
+
+
 def check_new(path: Path) -> None:
     """Refuse a file of a picture that exists, cannot be made, or is of no picture format.
 
@@ -458,10 +472,8 @@ def check_format(path: str | Path) -> None:
 
 
 def _figure(title: str, height: float = HEIGHT, fitted: bool = True) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # slow to import: only when drawn
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure  # slow to import: only when drawn
 
     figure = Figure(figsize=(11.0, height), layout='constrained' if fitted else None)
-    FigureCanvasAgg(figure)
     figure.suptitle(without_mathematics(title), fontweight='bold')
     return figure

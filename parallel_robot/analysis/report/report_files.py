@@ -14,6 +14,7 @@ import numpy as np
 
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.charts import Chart, Panel, charts
+from parallel_robot.analysis.report.figures import UNDATED
 from parallel_robot.analysis.report.looks import AUTO, STYLES, Style
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.thinned import envelope
@@ -60,7 +61,6 @@ RC: dict[Any, Any] = {
     'xtick.labelsize': 7.5,
     'ytick.labelsize': 7.5,
 }
-UNDATED: dict[str, dict[str, Any]] = {'pdf': {'CreationDate': None}, 'svg': {'Date': None}}
 
 
 def draw_chart(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> list[Path]:

@@ -209,8 +209,7 @@ def _unpack_zstd(packed: bytes | memoryview, size: int) -> bytes:
 
 
 def _unpack_lz4(packed: memoryview, size: int) -> bytes:
-    unpacked: bytes = lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
-    return unpacked
+    return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
 
 
 UNPACK: dict[bytes, Callable[[memoryview, int], bytes | memoryview]] = {

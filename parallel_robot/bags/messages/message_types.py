@@ -68,8 +68,7 @@ def from_rosbags() -> dict[str, MessageType]:
 
 @functools.cache
 def _known() -> dict[str, list[str]]:
-    known: dict[str, list[str]] = json.loads(FILE.read_text())
-    return known
+    return json.loads(FILE.read_text())
 
 
 @functools.cache  # a store compiles what it decodes

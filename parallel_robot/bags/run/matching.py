@@ -106,8 +106,7 @@ def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
 def _key(torques: np.ndarray) -> np.ndarray:
     """A number for each row of torques, another one for other bits, shape (N,)."""
     factors = MIX ** np.arange(torques.shape[1], dtype=np.uint64)
-    key: np.ndarray = np.ascontiguousarray(torques).view(np.uint64) @ factors
-    return key
+    return np.ascontiguousarray(torques).view(np.uint64) @ factors
 
 
 def command_of_states(stamps: np.ndarray, states: np.ndarray) -> np.ndarray:
@@ -191,8 +190,7 @@ def newest_age(stamps: np.ndarray, known: np.ndarray) -> np.ndarray:
         stamps: Of the states [ns], shape (N,).
         known: Stamps of the references, in order [ns], shape (M,).
     """
-    age: np.ndarray = stamps - known[_newest(stamps, known)]
-    return age
+    return stamps - known[_newest(stamps, known)]
 
 
 def _newest(stamps: np.ndarray, known: np.ndarray) -> np.ndarray:

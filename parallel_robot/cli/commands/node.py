@@ -32,5 +32,4 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.name not in NODES:
         raise UnknownNameError('node', arguments.name, NODES)
     sys.argv = [arguments.name, *arguments.arguments]
-    code: int = import_module(NODES[arguments.name]).main()
-    return code
+    return import_module(NODES[arguments.name]).main()

@@ -12,14 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.bags.experiment import software
 from parallel_robot.studies.benchmark.judged_runs import TUNED, Competitors, Gains, digest
 from parallel_robot.studies.benchmark.protocol import Protocol
 from parallel_robot.studies.benchmark.scores import WHOLE, ScoredRun, Summary, as_data, by_label
-from parallel_robot.studies.sweep.picture import encoded
 from parallel_robot.studies.sweep.run_chunk import version
 from parallel_robot.studies.sweep.summary import STYLE, cells
 from parallel_robot_control.laws import title as title_of
@@ -189,7 +188,7 @@ PLAIN = '#8a8a8a'
 
 def files(scores: Scores) -> dict[str, bytes]:
     """The page by name of its file."""
-    pictures = encoded(_figure(scores))
+    pictures = encoded(_figure(scores), ('png', 'pdf'))
     return {
         'page.html': _html(scores, pictures['png']).encode(),
         'page.pdf': pictures['pdf'],
@@ -240,7 +239,6 @@ def _figure(scores: Scores) -> Any:
     every = sorted(scores.summaries, key=lambda each: each[2][WHOLE][WHOLE].median.value)
     height = MARGIN + LINE * len(every)
     figure = Figure(figsize=(WIDTH, height), layout='constrained')
-    FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
     names = [f'{title_of(law)}, {kind}' for law, kind, _ in every]
     for place, (_, kind, found) in enumerate(every):

@@ -157,8 +157,7 @@ def score(figures: RunFigures, calm: Calm | None) -> float:
     """
     if figures.status != 'ok' or calm is None or not figures.error > 0.0:
         return 0.0
-    found: float = rounded(calm.own(figures.chattering) / figures.error, DIGITS)
-    return found
+    return rounded(calm.own(figures.chattering) / figures.error, DIGITS)
 
 
 def summarised(runs: Sequence[ScoredRun]) -> Summary:

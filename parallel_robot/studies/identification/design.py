@@ -240,9 +240,6 @@ class Designed(ShownResult):
         tree = {SHAPE: found.parameters, 'plant': plant}
         output.save(path, (comment + readable.dump(tree)).encode())
 
-    def __repr__(self) -> str:
-        return '\n'.join(self.lines())
-
 
 def search(
     scenario: str, changes: Mapping[str, Any], trials: int | None = None, seed: int | None = None
@@ -258,18 +255,9 @@ def search(
     Raises:
         InputError: a value is wrong, or no motion is feasible.
     """
-    trials = _whole('--trials', TRIALS if trials is None else trials)
-    seed = _whole('--seed', SEED if seed is None else seed)
-    if trials < 1:
-        raise InputError(f'--trials must be at least 1, not {trials}')
-    if seed < 0:
-        raise InputError(f'--seed must not be negative, not {seed}')
+    trials = check('--trials', int, Field('', '', 1), TRIALS if trials is None else trials)
+    seed = check('--seed', int, Field('', '', 0), SEED if seed is None else seed)
     values = resolve(scenario, changes)
     return Designed(
         design(values, trials, seed), values['robot_model'], trials, seed, units_of(values)
     )
-
-
-def _whole(option: str, value: Any) -> int:
-    number: int = check(option, int, Field('', ''), value)
-    return number

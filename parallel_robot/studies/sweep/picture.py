@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, law_label
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep import statistics
@@ -38,27 +37,11 @@ def draw(results: Mapping[str, ScenarioResult]) -> dict[str, bytes]:
     """
     heights = [max(SIZE[1], MARGIN + LINE * len(result.laws)) for result in results.values()]
     figure = Figure(figsize=(SIZE[0], sum(heights)), layout='constrained')
-    FigureCanvasAgg(figure)
     panels = figure.subplots(len(results), 1, squeeze=False, height_ratios=heights)[:, 0]
     for panel, height, (scenario, result) in zip(panels, heights, results.items(), strict=True):
         _draw_panel(panel, result, LINE / (height - MARGIN))
         panel.set_title(without_mathematics(scenario), fontsize=10)
-    return encoded(figure)
-
-
-def encoded(figure: Figure) -> dict[str, bytes]:
-    """A figure by suffix, as PNG and as PDF, of the same bytes at all times."""
-    pictures = {}
-    for suffix in ('png', 'pdf'):
-        stream = io.BytesIO()
-        figure.savefig(
-            stream,
-            format=suffix,
-            dpi=150,
-            metadata={'CreationDate': None} if suffix == 'pdf' else None,
-        )
-        pictures[suffix] = stream.getvalue()
-    return pictures
+    return encoded(figure, ('png', 'pdf'))
 
 
 def spread(wanted: np.ndarray, gap: float) -> np.ndarray:

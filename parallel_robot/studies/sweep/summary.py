@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import base64
-import csv
 import html
-import io
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -92,11 +90,7 @@ def latex(results: Results) -> str:
 
 def table(results: Results) -> str:
     """All numbers as comma-separated values, one number with its interval a row."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator='\n')
-    writer.writerow(COLUMNS)
-    writer.writerows(_numbers(results))
-    return stream.getvalue()
+    return tables.comma_separated(COLUMNS, _numbers(results))
 
 
 def as_data(results: Results) -> list[dict[str, Any]]:

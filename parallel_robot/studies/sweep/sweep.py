@@ -102,8 +102,7 @@ def worker_count(workers: int | None, name: str) -> int:
         InputError: they are none, or too many.
     """
     given = default_workers() if workers is None else workers
-    count: int = check(name, int, Field('', '', 1, MOST_WORKERS), given)
-    return count
+    return check(name, int, Field('', '', 1, MOST_WORKERS), given)
 
 
 def summarise(plan: Plan, directory: Path) -> Results:

@@ -266,8 +266,7 @@ class Cluster:
             raise RunError(f'a worker of the cluster failed: {first_line(error)}')
         if future.status != 'finished':
             raise RunError(f'the scheduler {self._address} gave up a task: {future.status}')
-        outcomes: list[Outcome] = future.result()
-        return outcomes
+        return future.result()
 
 
 Workers: TypeAlias = Processes | Cluster

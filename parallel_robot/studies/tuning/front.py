@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS, Quantity
@@ -256,4 +257,4 @@ def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[st
         panel.axvline(first.effort.scale * effort, color='#888888', linewidth=0.8, zorder=0)
     output.label_axes(panel, str(first.manifest['scenario']), first.effort, first.error)
     name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
-    return output.saved_figure(figure)
+    return encoded(figure, output.SUFFIXES)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, law_label
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep.results import Quantity
@@ -22,6 +19,7 @@ from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import Trial, Verdict
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot_model.common.errors import printable
+from parallel_robot_model.common.tables import comma_separated
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.yaml_file import MARK, text_of
 
@@ -50,7 +48,7 @@ def _draw_front(
     show([chosen], '*', color=RUNS[0].light, markersize=13, label='chosen')
     label_axes(panel, title, error, effort)
     panel.legend(fontsize=8, loc='lower left')
-    return saved_figure(figure)
+    return encoded(figure, SUFFIXES)
 
 
 def _draw_convergence(
@@ -75,13 +73,12 @@ def _draw_convergence(
     panel.set_ylabel(without_mathematics(f'{tuning.goal}{unit}'), fontsize=8)
     panel.grid(alpha=0.3)
     panel.legend(fontsize=8, loc='upper right')
-    return saved_figure(figure)
+    return encoded(figure, SUFFIXES)
 
 
 def new_figure(size: tuple[float, float]) -> tuple[Figure, Any]:
     """A figure and its panel."""
     figure = Figure(figsize=size, layout='constrained')
-    FigureCanvasAgg(figure)
     return figure, figure.subplots()
 
 
@@ -93,18 +90,6 @@ def label_axes(panel: Any, title: str, across: Quantity, up: Quantity) -> None:
     panel.set_xlabel(f'{across.name} [{across.unit}], median')
     panel.set_ylabel(f'{up.name} [{up.unit}], median')
     panel.grid(alpha=0.3)
-
-
-def saved_figure(figure: Figure) -> dict[str, bytes]:
-    """The figure as files: suffix to content."""
-    pictures = {}
-    with matplotlib.rc_context({'svg.hashsalt': 'front'}):  # the same file from the same trials
-        for suffix in SUFFIXES:
-            stream = io.BytesIO()
-            metadata = {'Date': None} if suffix == 'svg' else None
-            figure.savefig(stream, format=suffix, dpi=150, metadata=metadata)
-            pictures[suffix] = stream.getvalue()
-    return pictures
 
 
 @dataclass(frozen=True)
@@ -161,7 +146,7 @@ def table(tuning: Tuning, result: Result) -> str:
     for each in result.points:
         taken = int(each is result.chosen)
         rows.append([each.number, taken, each.error, each.effort, *each.gains.values()])
-    return _csv(head, rows)
+    return comma_separated(head, rows)
 
 
 def trials_table(tuning: Tuning, trials: Sequence[Trial], best: Sequence[float]) -> str:
@@ -172,7 +157,7 @@ def trials_table(tuning: Tuning, trials: Sequence[Trial], best: Sequence[float])
         figures = [value if math.isfinite(value) else '' for value in (each.error, each.effort)]
         first = so_far if math.isfinite(so_far) else ''
         rows.append([each.number, first, *figures, *each.gains.values(), each.reason])
-    return _csv(head, rows)
+    return comma_separated(head, rows)
 
 
 def heading(tuning: Tuning, result: Result) -> list[str]:
@@ -219,11 +204,3 @@ def gains_lines(law: str, gains: Mapping[str, Any], fields: Mapping[str, Field])
 
 def _columns(tuning: Tuning) -> tuple[str, str]:
     return tuning.error.column, tuning.effort.quantity.column
-
-
-def _csv(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator='\n')
-    writer.writerow(head)
-    writer.writerows(rows)
-    return stream.getvalue()

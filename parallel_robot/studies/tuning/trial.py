@@ -341,11 +341,10 @@ def frozen(trial: Trial, among: dict[str, BaseDistribution], goal: Goal) -> Froz
     optuna = library()
     values = list(goal.values(trial)) if trial.feasible else None
     states = optuna.trial.TrialState
-    made: FrozenTrial = optuna.trial.create_trial(
+    return optuna.trial.create_trial(
         state=states.COMPLETE if trial.feasible else states.PRUNED,
         values=values,
         params=dict(trial.chosen or {}),
         distributions=among if trial.chosen is not None else {},
         constraints={'runs not ok': trial.violation},
     )
-    return made
