@@ -23,10 +23,10 @@ from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.configuration import available
 from parallel_robot_model.common.errors import (
-    InputError,
     ParallelRobotError,
     UnknownNameError,
     WholeNeededError,
+    optional,
 )
 from parallel_robot_model.configuration.fields import Field, joint_field, parameters
 from parallel_robot_model.configuration.loop import loop_of
@@ -233,19 +233,14 @@ def harmless(text: str) -> str:
 
 def _write_parquet(parts: Iterable[TableColumns], stream: IO[bytes]) -> None:
     """Write Apache Parquet, each part as a group of rows."""
-    try:
-        import pyarrow  # optional
-        import pyarrow.parquet
-    except ImportError:
-        raise InputError(
-            'pyarrow is not installed; pip install pyarrow, or export to .csv'
-        ) from None
+    lacking = 'pyarrow is not installed; pip install pyarrow, or export to .csv'
+    pyarrow, parquet = (optional(name, lacking) for name in ('pyarrow', 'pyarrow.parquet'))
     tables = (
         pyarrow.table({name: np.ascontiguousarray(column) for name, column in part.items()})
         for part in tracked(parts, None, 'parts')
     )
     first = next(tables)
-    with pyarrow.parquet.ParquetWriter(stream, first.schema) as writer:
+    with parquet.ParquetWriter(stream, first.schema) as writer:
         for table in itertools.chain([first], tables):
             writer.write_table(table)
 

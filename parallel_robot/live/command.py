@@ -17,7 +17,7 @@ from parallel_robot.cli.commands import run
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.shared import add_bag_arguments, bag_view
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.common.errors import InputError, StoppedError
+from parallel_robot_model.common.errors import InputError, StoppedError, optional
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
@@ -107,10 +107,7 @@ def execute(arguments: argparse.Namespace) -> int:
     namespace = full(arguments.namespace) if arguments.namespace is not None else None
     if arguments.foxglove:
         return _foxglove(arguments, changed, namespace)
-    try:
-        import aiohttp  # noqa: F401  optional
-    except ImportError:
-        raise InputError("aiohttp is not installed; pip install 'parallel_robot[live]'") from None
+    optional('aiohttp', "aiohttp is not installed; pip install 'parallel_robot[live]'")
     from parallel_robot.live.server import listening
 
     handlers = {number: signal.signal(number, _stop) for number in ending_signals()[1:]}

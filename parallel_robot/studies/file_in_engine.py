@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -330,10 +329,8 @@ class _Pinocchio:
     loops = None
 
     def __init__(self, path: Path) -> None:
-        try:
-            self._pin: Any = import_module('pinocchio')
-        except ImportError:
-            raise InputError('Pinocchio is not installed; pip install pin') from None
+        lacking = 'Pinocchio is not installed; pip install pin'
+        self._pin: Any = optional('pinocchio', lacking)
         with _telling('Pinocchio', ValueError, RuntimeError):
             self._model = self._pin.buildModelFromUrdf(str(path))
         self.name = f'Pinocchio {self._pin.__version__}'

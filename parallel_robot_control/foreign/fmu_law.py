@@ -14,7 +14,7 @@ from typing import Annotated, Any, NamedTuple, get_type_hints
 from parallel_robot_control.foreign import process
 from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_control.foreign.process import MOST_GAINS
-from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line
+from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line, optional
 from parallel_robot_model.common.units import BASES, BOTH, HINGES, SLIDES
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import Field, check
@@ -28,19 +28,24 @@ def _described_gains(file: Path, called: Mapping[str, str]) -> dict[str, dict[st
     """What an FMU says of the parameters that are gains; nothing of it is run."""
     if len(called) > MOST_GAINS:
         raise InputError(f'{file}: at most {MOST_GAINS} parameters are gains, not {len(called)}')
+    description, _ = _read(str(file), 'gains of an FMU need fmpy: pip install fmpy')
+    variables = description.modelVariables
+    known = {each.name: each for each in variables if each.causality == 'parameter'}
+    return {gain: _described(file, name, known) for gain, name in called.items()}
+
+
+def _read(file: str, lacking: str) -> tuple[Any, list[str]]:
+    """The description of an FMU, and the names of its files; `lacking` says that fmpy is."""
+    fmpy = optional('fmpy', lacking)
     try:
-        from fmpy import read_model_description
-    except ImportError:
-        raise InputError('gains of an FMU need fmpy: pip install fmpy') from None
-    try:
-        variables = read_model_description(str(file), validate=False).modelVariables
+        description = fmpy.read_model_description(file, validate=False)
+        with zipfile.ZipFile(file) as archive:
+            return description, archive.namelist()
     except Exception as error:  # whatever is in the file
         raise InputError(f'{file} is no FMU: {first_line(error)}') from None
-    known = {each.name: each for each in variables if each.causality == 'parameter'}
-    return {gain: _described(file, gain, name, known) for gain, name in called.items()}
 
 
-def _described(file: Path, gain: str, name: str, known: Mapping[str, Any]) -> dict[str, Any]:
+def _described(file: Path, name: str, known: Mapping[str, Any]) -> dict[str, Any]:
     variable = known.get(name)
     if variable is None:
         raise UnknownNameError(f'parameter of {file}', name, known)
@@ -210,19 +215,11 @@ class FmuLaw:
         Raises:
             InputError: it is none, cannot run here, or has not the variables that are named.
         """
-        try:
-            import fmpy
-            from fmpy.simulation import instantiate_fmu
-        except ImportError:
-            raise InputError('an FMU as a law needs fmpy: pip install fmpy') from None
         self._file, self._joints = task['file'], task['joints']
         self._question, self._answer = question, answer
-        try:
-            described = fmpy.read_model_description(self._file, validate=False)
-            with zipfile.ZipFile(self._file) as archive:
-                parts = archive.namelist()
-        except Exception as error:  # whatever is in the file
-            raise InputError(f'{self._file} is no FMU: {first_line(error)}') from None
+        needed = 'an FMU as a law needs fmpy: pip install fmpy'
+        described, parts = _read(self._file, needed)
+        fmpy, simulation = (optional(name, needed) for name in ('fmpy', 'fmpy.simulation'))
         runs = described.coSimulation
         if described.fmiVersion not in VERSIONS or runs is None:
             kind = 'co-simulation' if runs is None else f'FMI {described.fmiVersion}'
@@ -279,7 +276,7 @@ class FmuLaw:
         fmpy.extract(self._file, task['folder'])
         os.chdir(task['folder'])  # where it may write
         self._said = ''
-        self._unit: Any = instantiate_fmu(
+        self._unit: Any = simulation.instantiate_fmu(
             task['folder'], described, 'CoSimulation', logger=self._log, require_functions=False
         )
         self._time, self._period = 0.0, math.inf

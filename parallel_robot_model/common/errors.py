@@ -156,11 +156,12 @@ def first_line(error: BaseException) -> str:
 # Libraries that the suite needs for a part of what it does.
 
 
-def optional(name: str) -> ModuleType:
+def optional(name: str, lacking: str = '') -> ModuleType:
     """A library, imported.
 
     Args:
         name: Its name, or that of one of its modules.
+        lacking: What is said where it is not installed; empty: its name, and how to install it.
 
     Raises:
         InputError: it is not installed.
@@ -169,7 +170,8 @@ def optional(name: str) -> ModuleType:
         return import_module(name)
     except ImportError:
         library = name.partition('.')[0]
-        raise InputError(f'{library} is not installed; pip install {library}') from None
+        usual = f'{library} is not installed; pip install {library}'
+        raise InputError(lacking or usual) from None
 
 
 # Tables of pandas, which is optional.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,9 @@ from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.motions import Motion, Poses
 
+if TYPE_CHECKING:
+    from parallel_robot_sim.scenario_run import Run
+
 FORMATS = ('.png', '.pdf', '.svg')
 COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
 DASHES = ('-', '--')  # of as many joints as there are colours each
@@ -45,28 +48,8 @@ HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
 
 
-class Named(Protocol):
-    """The names that are drawn of a run: a run log, or anything that has them."""
-
-    @property
-    def scenario(self) -> str:
-        """Name of the scenario."""
-
-    @property
-    def law(self) -> str:
-        """Name of the law."""
-
-    @property
-    def joints(self) -> tuple[str, ...]:
-        """Names of the actuated joints."""
-
-    @property
-    def values(self) -> Mapping[str, Any]:
-        """The resolved configuration; it says which robot it is."""
-
-
 def draw_run(
-    run: Named,
+    run: RunLog | Run,
     motion: Motion,
     path: str | Path,
     scale: str = AUTO,
@@ -90,7 +73,7 @@ def draw_run(
 
 
 def figure_of_run(
-    run: Named,
+    run: RunLog | Run,
     motion: Motion,
     scale: str = AUTO,
     marks: Sequence[float] = (),
@@ -146,7 +129,7 @@ def figure_of_run(
     return figure
 
 
-def figure_of_runs(runs: Mapping[str, tuple[Named, Motion]], scale: str = AUTO) -> Any:
+def figure_of_runs(runs: Mapping[str, tuple[RunLog | Run, Motion]], scale: str = AUTO) -> Any:
     """Several runs over one another as a figure of matplotlib, one curve each in a panel.
 
     Of the joints, the largest magnitude at each time is drawn. Without a path if the pose of a
@@ -346,7 +329,7 @@ def _curves(
     return [Curve(time, *one) for one in zip(values.T, looks, names, strict=False)]
 
 
-def _draw_robot(panels: Sequence[Any], run: Named, motion: Motion) -> None:
+def _draw_robot(panels: Sequence[Any], run: RunLog | Run, motion: Motion) -> None:
     """Draw the robot in space where a motion begins."""
     lines = posture(robot_of(run.values), motion.poses.actual[0], motion.position[0])
     add_lines(panels, lines, color='0.8', lw=1.5)

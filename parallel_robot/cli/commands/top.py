@@ -9,7 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 from parallel_robot.watch.robots import Robot, Robots
-from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.common.errors import RunError, optional
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
 
@@ -30,10 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
     namespace = full(arguments.namespace) if arguments.namespace is not None else None
-    try:
-        import textual  # noqa: F401  optional
-    except ImportError:
-        raise InputError("textual is not installed; pip install 'parallel_robot[top]'") from None
+    optional('textual', "textual is not installed; pip install 'parallel_robot[top]'")
     from parallel_robot.watch.ros_graph import RosGraph  # only this command needs ROS
 
     realtime.prepare_discovery()

@@ -16,7 +16,7 @@ from parallel_robot.studies.sweep.run_chunk import Task, tasks
 from parallel_robot.studies.sweep.store import RUNS, Store, schema, table
 from parallel_robot.studies.sweep.summary import Results
 from parallel_robot.studies.sweep.workers import Workers, completed
-from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.common.errors import RunError, optional
 from parallel_robot_model.configuration.fields import Field, check
 
 MOST_WORKERS = 1024
@@ -81,10 +81,7 @@ def progress(total: int, done: int, unit: str) -> Iterator[Any]:
     Raises:
         InputError: tqdm is not installed.
     """
-    try:
-        from tqdm import tqdm  # optional
-    except ImportError:
-        raise InputError('tqdm is not installed; pip install tqdm') from None
+    tqdm: Any = optional('tqdm').tqdm
     stream = as_it_is(sys.stderr)
     with tqdm(total=total, initial=done, unit=unit, file=stream, disable=None, leave=False) as bar:
         yield bar

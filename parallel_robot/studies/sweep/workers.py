@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection, wait
 from typing import IO, Any, TypeAlias
 
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task
-from parallel_robot_model.common.errors import InputError, RunError, first_line
+from parallel_robot_model.common.errors import InputError, RunError, first_line, optional
 from parallel_robot_model.processes.child_process import command, die_with_parent
 
 MODULE = 'parallel_robot.studies.sweep.workers'
@@ -194,13 +194,8 @@ class Cluster:
         Raises:
             InputError: dask.distributed is not installed.
         """
-        try:
-            import distributed  # optional
-        except ImportError:
-            raise InputError(
-                "--scheduler needs dask.distributed; pip install 'dask[distributed]'"
-            ) from None
-        self._distributed: Any = distributed
+        lacking = "--scheduler needs dask.distributed; pip install 'dask[distributed]'"
+        self._distributed: Any = optional('distributed', lacking)
         self._address = address
         self._client: Any = None
         self._tasks: dict[Any, Task] = {}
