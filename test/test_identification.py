@@ -93,6 +93,13 @@ def replaced(case, **parts):
     return MeasuredMotion(**{**vars(case.recording), **parts})
 
 
+def motion_of(log, statuses, torque_limit):
+    """What can be used of a whole run."""
+    steps = np.diff(log.time)
+    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    return measured_motion.RunMotion([log], period, statuses, torque_limit)
+
+
 def test_table_1_from_a_noiseless_motion(excited):
     found = identify(excited)
     assert found.base.names == tuple(TABLE_1)
@@ -373,7 +380,7 @@ def test_a_motion_for_which_the_disk_has_no_room_costs_one_line(excited, monkeyp
     with Path('/dev/full').open('wb+', buffering=0) as full:
         monkeypatch.setattr(limits.tempfile, 'SpooledTemporaryFile', lambda _: full)
         with pytest.raises(InputError, match=r'cannot keep the motion .* TMPDIR'):
-            measured_motion.of(log_of(excited), (), LIMIT)
+            motion_of(log_of(excited), (), LIMIT)
 
 
 def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
@@ -385,7 +392,7 @@ def test_motion_after_a_fault_or_with_saturated_motors_is_left_out(excited):
     effort = excited.run.effort.copy()
     effort[8000:8500, 1] = 200.0
     effort[5000:6000] = 77.0  # as after an emergency stop
-    found = measured_motion.of(log_of(excited, effort=effort), statuses, LIMIT)
+    found = motion_of(log_of(excited, effort=effort), statuses, LIMIT)
     assert found.left_out == ('1 s: after a fault', '0.5 s: motors saturated')
     result = identify(excited, found)
     assert np.abs(result.fit.values / TRUTH - 1.0).max() < 0.01
@@ -399,7 +406,7 @@ def test_a_gap_separates_two_stretches(excited):
         name: value[kept] for name, value in vars(log_of(excited)).items() if name not in
         ('joints', 'units', 'time')
     }  # fmt: skip
-    found = measured_motion.of(log_of(excited, **parts), (), LIMIT)
+    found = motion_of(log_of(excited, **parts), (), LIMIT)
     pieces = [part.time for part in measured_motion.stretches(found, 100)]
     assert [len(time) for time in pieces] == [7000, 7401]
     assert [time[0] for time in pieces] == [0.0, 7.6]
@@ -415,12 +422,12 @@ def test_a_gap_separates_two_stretches(excited):
 )
 def test_a_recording_without_torques_or_motion_is_refused(excited, parts, message):
     with pytest.raises(BagError, match=message):
-        measured_motion.of(log_of(excited, **parts), (), LIMIT)
+        motion_of(log_of(excited, **parts), (), LIMIT)
 
 
 def test_too_short_a_motion_is_refused_with_the_reason(excited):
     statuses = [ControllerStatus(15 * 10**8, 's_fotsmc', 'speed', 'too fast', ())]
-    found = measured_motion.of(log_of(excited), statuses, LIMIT)
+    found = motion_of(log_of(excited), statuses, LIMIT)
     with pytest.raises(BagError, match=r'too little motion .* of 15 s; 14\.5 s: after a fault'):
         identify(excited, found)
 

@@ -13,6 +13,14 @@ H = 1e-3  # s
 N = 3000
 
 
+def lag_of(log):
+    """Lag of a whole run."""
+    steps = np.diff(log.time)
+    stretch = motor_lag.LongestStretch(float(np.median(steps)) if len(steps) else 0.0)
+    stretch.add(log)
+    return stretch.lag()
+
+
 def log(lags, delay=0, noise=0.0, seed=0):
     """A log of motors that lag, by another integrator; white commands, as of a chattering law."""
     random = np.random.default_rng(seed)
@@ -33,7 +41,7 @@ def log(lags, delay=0, noise=0.0, seed=0):
 
 
 def test_time_constants_and_a_delay_are_found_again():
-    found = motor_lag.lag_of(log([2e-3, 5e-3, 0.5e-3], delay=3))
+    found = lag_of(log([2e-3, 5e-3, 0.5e-3], delay=3))
     assert found.found and found.delay == pytest.approx(3e-3)
     np.testing.assert_allclose(found.values, [2e-3, 5e-3, 0.5e-3], rtol=1e-3)
     assert (
@@ -52,7 +60,7 @@ def test_time_constants_are_told_in_milliseconds_and_as_a_scenario_takes_them():
 def test_the_interval_holds_the_lag_about_as_often_as_it_says():
     lags, held = [1e-3, 2e-3, 4e-3], []
     for seed in range(20):
-        found = motor_lag.lag_of(log(lags, noise=0.5, seed=seed))
+        found = lag_of(log(lags, noise=0.5, seed=seed))
         held += (np.abs(found.values - lags) < found.half_widths).tolist()
         assert (found.half_widths < 0.1 * np.array(lags)).all()
     assert 51 <= sum(held) <= 60
@@ -60,7 +68,7 @@ def test_the_interval_holds_the_lag_about_as_often_as_it_says():
 
 @pytest.mark.parametrize('noise', [0.0, 0.5])
 def test_motors_without_a_lag_have_none(noise):
-    found = motor_lag.lag_of(log([0.0, 0.0], noise=noise))
+    found = lag_of(log([0.0, 0.0], noise=noise))
     assert not found.found and found.delay == 0.0
     assert found.parts() == ['efforts follow the commands without a lag']
 
@@ -68,13 +76,13 @@ def test_motors_without_a_lag_have_none(noise):
 def test_a_gap_ends_what_is_used_and_little_tells_nothing():
     whole = log([2e-3])
     whole.answer[1000:1010] = np.nan
-    np.testing.assert_allclose(motor_lag.lag_of(whole).values, [2e-3], rtol=1e-3)
+    np.testing.assert_allclose(lag_of(whole).values, [2e-3], rtol=1e-3)
     whole.answer[::100] = np.nan
-    assert motor_lag.lag_of(whole) is None
-    assert motor_lag.lag_of(SimpleNamespace(**vars(log([2e-3])) | {'has_efforts': False})) is None
+    assert lag_of(whole) is None
+    assert lag_of(SimpleNamespace(**vars(log([2e-3])) | {'has_efforts': False})) is None
     still = log([2e-3])
     still.answer[:] = 1.0
-    assert motor_lag.lag_of(still) is None
+    assert lag_of(still) is None
 
 
 def test_identify_finds_the_lag_of_a_simulated_robot(tmp_path):

@@ -141,10 +141,11 @@ def as_document(form: str) -> Callable[[Mapping[str, Any], Mapping[str, str], st
 def _rows(values: Mapping[str, Any], sources: Mapping[str, str]) -> list[list[str]]:
     """Key, value, unit and source of each key."""
     fields = fields_of(values)
-    return [
-        [key, _short(values[key]), fields.get(key, UNKNOWN).unit, _source(key, sources)]
-        for key in ordered(values)
-    ]
+    rows = []
+    for key in ordered(values):
+        source = f'from {sources[key]}' if sources[key] in sources else sources[key]
+        rows.append([key, _short(values[key]), fields.get(key, UNKNOWN).unit, source])
+    return rows
 
 
 def as_json(values: Mapping[str, Any], sources: Mapping[str, str], place: str) -> str:
@@ -233,12 +234,6 @@ def _lines(
         start = f'  {text_of(name)}' if dot else text_of(key)
         lines.append(f'{start}: {text_of(values[key])}  # {comment}')
     return lines
-
-
-def _source(key: str, sources: Mapping[str, str]) -> str:
-    """Source of a value for people."""
-    source = sources[key]
-    return f'from {source}' if source in sources else source
 
 
 def _short(value: Any) -> str:

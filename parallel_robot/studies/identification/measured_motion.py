@@ -202,13 +202,6 @@ def joined(first: MeasuredMotion, second: MeasuredMotion) -> MeasuredMotion:
     )
 
 
-def of(log: RunLog, statuses: Sequence[ControllerStatus], torque_limit: Array) -> RunMotion:
-    """What can be used of a run that is held; arguments and errors as of :class:`RunMotion`."""
-    steps = np.diff(log.time)
-    period = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
-    return RunMotion([log], period, statuses, torque_limit)
-
-
 def stretches(motion: Motion, shortest: int) -> Iterator[MeasuredMotion]:
     """Parts of a motion without gaps that can be used, each at least `shortest` samples long."""
     longest = GAP * motion.period

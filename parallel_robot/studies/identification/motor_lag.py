@@ -70,14 +70,6 @@ class MotorLag(ShownResult):
         }
 
 
-def lag_of(log: RunLog) -> MotorLag | None:
-    """Lag of the motors of a run; None without commands, measured efforts or enough of both."""
-    steps = np.diff(log.time)
-    stretch = LongestStretch(float(np.median(steps)) if len(steps) else 0.0)
-    stretch.add(log)
-    return stretch.lag()
-
-
 class LongestStretch:
     """The longest stretch of a run without a gap, of whose begin the lag is found."""
 
