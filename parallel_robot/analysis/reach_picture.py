@@ -303,7 +303,12 @@ def plain_region(region: Region, scenery: Scenery) -> dict[str, Any]:
         'robot': scenery.robot.name,
         'coordinates': [axis.name for axis in scenery.coordinates],
         'coordinate_units': [axis.unit for axis in scenery.coordinates],
-        'plane': _plain_plane(plane),
+        'plane': {
+            'pose': plane.pose.tolist(),
+            'axes': [axis.name for axis in plane.axes],
+            'units': [axis.unit for axis in plane.axes],
+            'directions': [axis.direction.tolist() for axis in plane.axes],
+        },
         'first': region.first.tolist(),
         'second': region.second.tolist(),
         'reached': inside.tolist(),
@@ -322,15 +327,6 @@ def plain_region(region: Region, scenery: Scenery) -> dict[str, Any]:
         'complete': region.complete,
         'home': None if scenery.home is None else scenery.home.tolist(),
         'motion': scenery.path.tolist(),
-    }
-
-
-def _plain_plane(plane: Plane) -> dict[str, Any]:
-    return {
-        'pose': plane.pose.tolist(),
-        'axes': [axis.name for axis in plane.axes],
-        'units': [axis.unit for axis in plane.axes],
-        'directions': [axis.direction.tolist() for axis in plane.axes],
     }
 
 

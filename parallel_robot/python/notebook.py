@@ -388,7 +388,12 @@ def sweep(
     """
     frames = pandas()
     if isinstance(study, Mapping):
-        text, name, folder = _as_yaml(study), 'study', None
+        try:
+            text = yaml.safe_dump(dict(study), sort_keys=False)
+        except yaml.YAMLError:
+            what = 'study must hold plain numbers, texts, lists and mappings'
+            raise InputError(what) from None
+        name, folder = 'study', None
     elif isinstance(study, str | Path):
         file = file_of(str(study))
         text, name, folder = read(file), str(file), file.parent
@@ -402,13 +407,6 @@ def sweep(
     directory = arguments.path('out', out)
     run_sweep(plan(asked), asked.text, directory, Processes(count), count)
     return frames.read_parquet(directory / RUNS)
-
-
-def _as_yaml(study: Mapping[str, Any]) -> str:
-    try:
-        return yaml.safe_dump(dict(study), sort_keys=False)
-    except yaml.YAMLError:
-        raise InputError('study must hold plain numbers, texts, lists and mappings') from None
 
 
 def _named(

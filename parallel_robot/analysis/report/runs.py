@@ -80,7 +80,9 @@ def read_runs(
         )
         assert not isinstance(found, MotionAlone)
         law_loader.learn_titles(found.past.sources['custom_laws'])
-        group = label(found.log.scenario), _robot(found.log)
+        # the same robot and number of joints for all runs that are drawn together
+        robot = f'{label(str(found.log.config["robot_model"]))}, {len(found.log.joints)} joints'
+        group = label(found.log.scenario), robot
         evaluated.setdefault(group, []).append((bag, found))
     scenarios = [scenario for scenario, _ in evaluated]
     groups = {}
@@ -93,11 +95,6 @@ def read_runs(
             for (bag, found), name, slot in zip(members, names, slots, strict=True)
         ]
     return groups
-
-
-def _robot(log: run_log.RunLog) -> str:
-    """Robot and number of joints, the same for all runs that are drawn together."""
-    return f'{label(str(log.config["robot_model"]))}, {len(log.joints)} joints'
 
 
 def _run(bag: Path, name: str, style: str, found: EvaluatedBag) -> Run:

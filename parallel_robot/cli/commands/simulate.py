@@ -323,7 +323,14 @@ class _Run:
         self._running: SimulatedFigures | None = None
         self.last: Simulation  # the last part
         self.summary = RunSummary()  # what is told of all of them
-        self.figures = functools.cache(self._figures)  # returns the metrics of the run
+        # returns the metrics of the run, or tells why there are none
+        self.figures = functools.cache(
+            lambda: (
+                self._running.result()
+                if self._running
+                else metrics.figures(of_simulation(self.last))
+            )
+        )
 
     def __iter__(self) -> Iterator[Simulation]:
         for part in self._parts:
@@ -334,13 +341,3 @@ class _Run:
             if self._running is not None:
                 self._running.add(part)
             yield part
-
-    def _figures(self) -> Metrics:
-        """The metrics of the run.
-
-        Raises:
-            ParallelRobotError: why there are none.
-        """
-        if self._running is None:
-            return metrics.figures(of_simulation(self.last))
-        return self._running.result()
