@@ -201,11 +201,8 @@ def description(
     SubElement(root, 'DefaultExperiment', experiment)
     listed = SubElement(root, 'ModelVariables')
     for number, variable in enumerate(variables):
-        kind, common, values = (
-            TYPES[version][variable.kind],
-            _common(number, variable),
-            _values(variable),
-        )
+        kind, values = TYPES[version][variable.kind], _values(variable)
+        common = _common(number, variable)
         if version == 2:
             SubElement(SubElement(listed, 'ScalarVariable', common), kind, values)
         else:

@@ -105,12 +105,10 @@ def efforts(
     if found is None:
         return Contradiction()
     measured, commanded = effort.any(axis=0), np.nan_to_num(command).any(axis=0)
+    unmeasured, idle = ~measured & commanded, ~commanded & measured
     silent = {
-        'efforts of {} are always 0, the commands are not: are they measured?': ~measured
-        & commanded,
-        'commands of {} are always 0, the efforts are not: does another controller act?': (
-            ~commanded & measured
-        ),
+        'efforts of {} are always 0, the commands are not: are they measured?': unmeasured,
+        'commands of {} are always 0, the efforts are not: does another controller act?': idle,
     }
     told = [
         what.format(_names(joints, np.flatnonzero(of))) for what, of in silent.items() if of.any()
