@@ -6,6 +6,7 @@ import contextlib
 import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
@@ -45,11 +46,7 @@ class Rows(NamedTuple):
 
     def of(self, role: str, *rows: tuple[int, str, str, str]) -> Iterator[Variable]:
         """A variable for each joint, of rows: number, name, unit for hinges, and what it is."""
-        for row, name, unit, text in rows:
-            yield from self._of(row, name, role, unit, text)
-
-    def _of(self, row: int, name: str, role: str, unit: str, text: str) -> Iterator[Variable]:
-        for k, joint in enumerate(self.joints):
+        for (row, name, unit, text), (k, joint) in product(rows, enumerate(self.joints)):
             own = self.units.one(k)
             place = self.address + WORD * (row * len(self.joints) + k)
             words = f'{own.label(text)} of {joint}'

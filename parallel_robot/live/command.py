@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
@@ -151,7 +151,7 @@ def _foxglove(
             if arguments.run is not None:
                 namespace, changed = namespace or '', {'duration': 0.0, **changed}
                 graph = started_graph(arguments.run, changed, namespace)
-                values = stack.enter_context(graph).values
+                _, _, values = stack.enter_context(graph)
             from parallel_robot.live.ros_foxglove import (
                 PORT,  # needs ROS, after the forks
                 serve,  # needs ROS, after the forks
@@ -196,24 +196,19 @@ def _graph(
 NAMES = ('trajectory', 'plant', 'controller')
 
 
-class StartedGraph(NamedTuple):
-    """Nodes that move."""
-
-    processes: NodeProcesses
-    parameters: dict[str, Any]  # what they were given, for a recorder
-    values: dict[str, Any]  # their configuration
-
-
 @contextmanager
 def started_graph(
     scenario: str, changed: Mapping[str, Any], namespace: str
-) -> Iterator[StartedGraph]:
+) -> Iterator[tuple[NodeProcesses, dict[str, Any], dict[str, Any]]]:
     """Start a graph; it ends in order with the context.
 
     Args:
         scenario: Its name, or the path of its file.
         changed: Key to value.
         namespace: Full name of the namespace of the nodes; empty for none.
+
+    Yields:
+        Its processes, their parameters, for a recorder, and their configuration.
 
     Raises:
         InputError: the configuration is wrong.
@@ -228,4 +223,4 @@ def started_graph(
 
         with Session(NAMES, processes.check, namespace, loop.middleware) as session:
             run.start(processes, session, loop, NAMES)
-        yield StartedGraph(processes, parameters['controller'], dict(configuration.values))
+        yield processes, parameters['controller'], dict(configuration.values)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_lowercase
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -98,7 +98,9 @@ def draw_chart(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> l
             squeeze=False,
             width_ratios=widths,
         )
-        for letter, axes, panel in zip(_letters(), grid.flat, chart.panels, strict=False):
+        pairs = itertools.product(ascii_lowercase, repeat=2)
+        letters = itertools.chain(ascii_lowercase, map(''.join, pairs))  # a to z, then aa, ab
+        for letter, axes, panel in zip(letters, grid.flat, chart.panels, strict=False):
             _draw_panel(axes, panel, log)
             if len(chart.panels) > 1:
                 axes.set_title(f'({letter}) {without_mathematics(panel.title)}'.rstrip())
@@ -114,12 +116,6 @@ def draw_chart(chart: Chart, directory: Path, name: str, scale: str = AUTO) -> l
         for file, kind in zip(files, FORMATS, strict=True):
             figure.savefig(file, metadata=UNDATED[kind])
     return files
-
-
-def _letters() -> Iterator[str]:
-    """Names of panels: a to z, then aa, ab and so on."""
-    pairs = itertools.product(ascii_lowercase, repeat=2)
-    return itertools.chain(ascii_lowercase, map(''.join, pairs))
 
 
 def _slope(chart: Chart) -> float:
