@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.safety import faults
-from parallel_robot_model.common.units import NANOSECONDS, Array, usual_step
-from parallel_robot_model.configuration.loop import MICROSECOND
+from parallel_robot_model.common.units import NANOSECONDS, Array, usual_period
 
 # What is wrong with the joint states that a controller hears, in lines for its user.
 
@@ -152,7 +151,7 @@ class StateRhythm:
         periods = _periods(steps, self._told)
         near = abs(steps.sum() / (periods.sum() * self._told) - 1.0) < NEAR
         fits = near and np.mean(periods == 1) > SINGLE
-        self.period = self._told if fits else _whole(usual_step(steps))
+        self.period = self._told if fits else usual_period(steps)
         # Each by itself counts steps that are long by chance, all together a period that is.
         missing = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
         self.skipped += max(0, int(missing) - len(steps))
@@ -167,11 +166,6 @@ class StateRhythm:
             f'joint states come at {come:.4g} Hz, the period says {told:.4g} Hz: '
             f'give the controller the period {self.period / NANOSECONDS:.4g}'
         )
-
-
-def _whole(period: float) -> int:
-    """A period in whole microseconds [ns], as a configuration has it."""
-    return max(1, round(period / MICROSECOND)) * MICROSECOND
 
 
 def _periods(steps: NDArray[np.int64], period: int) -> Array:

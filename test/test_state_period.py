@@ -1,6 +1,7 @@
 """`period: auto`: a node takes the period with which the joint states come."""
 
 import itertools
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -46,6 +47,31 @@ def test_the_period_is_found_beside_a_long_gap(seed):
     assert abs(period_of(START + (at * MS).astype(np.int64)) - MS) <= 1000
 
 
+REAL = [
+    np.array(line.split(','), np.int64)
+    for line in Path(__file__).with_name('ros2_stamps.csv').read_text().splitlines()[1:]
+]
+
+
+@pytest.mark.parametrize('missing', [0.0, 0.05, 0.24])
+@pytest.mark.parametrize('part', range(len(REAL)))
+def test_the_period_is_that_of_the_real_broadcaster_in_every_window(part, missing):
+    """With overruns, of which the mean of the steps made half the period, or 501.8 Hz."""
+    rate, *steps = REAL[part].tolist()
+    stamps = np.cumsum([START, *np.multiply(steps, 1000)])
+    stamps = stamps[np.random.default_rng(part).random(len(stamps)) >= missing]
+    windows = np.searchsorted(stamps, stamps + MS * 500) + 1
+    found = {period_of(stamps[i:j]) for i, j in enumerate(windows) if j <= len(stamps)}
+    assert found == {10**9 // rate}
+
+
+@pytest.mark.parametrize('period', [3, 7, 9, 1000 / 300, 1000 / 144])
+def test_a_rate_that_divides_another_one_is_told_as_it_is(period):
+    """333.3 Hz are 3 ms, not a whole number of Hz; 300 Hz are."""
+    at = np.arange(200) * period + np.random.default_rng(1).uniform(0.0, 0.1, 200)
+    assert period_of(START + (at * MS).astype(np.int64)) == round(1000 * period) * 1000
+
+
 def test_stamps_that_are_too_few_or_stand_tell_nothing():
     assert period_of(np.zeros(0, np.int64)) == period_of(np.full(1000, START)) == 0
     assert period_of(START + np.arange(400) * MS) == 0  # of 0.4 s
@@ -83,6 +109,24 @@ def test_a_node_waits_for_the_states_and_says_their_period(name, launch, peer):
     answer = peer.call(GetParameters, f'{name}/get_parameters', request, process)
     number, text = map(parameter_value_to_python, answer.values)
     assert number == 0.004 and text == '0.004 s: joint states come at 250 Hz'
+
+
+@pytest.mark.parametrize(
+    ('first', 'then'), [('controller', 'trajectory'), ('trajectory', 'controller')]
+)
+def test_the_period_is_that_of_a_node_that_runs_already(first, then, launch, peer):
+    """Of one that has about that of the states, whichever comes first."""
+    known = launch(MODULES[first], '--ros-args', '-p', 'period:=0.00402')
+    request = GetParameters.Request(names=['period'])
+    peer.call(GetParameters, f'{first}/get_parameters', request, known)
+    process = launch(MODULES[then], '--ros-args', '-p', 'period:=auto')
+    publisher, stamps = peer.publisher(topics.JOINT_STATES), itertools.count()
+
+    def publish():
+        publisher.publish(state(next(stamps)))
+        peer.spin(0.001)
+
+    until(lambda: 'joint states come at 248.8 Hz' in process.stderr, publish)
 
 
 @pytest.mark.parametrize(

@@ -138,27 +138,52 @@ def rounded(value: Any, digits: int) -> Any:
     return float(f'{float(value):.{digits}g}')
 
 
-# The usual step of stamps, of which single ones may be missing or late.
+# The period of stamps, of which single ones may be missing or late.
 
-LONG = 1.5  # times the usual step, of one over missing stamps
-PARTS = (1, 2, 3)  # of the median of the steps, that a single step may be
-CLEARER = 0.5  # of the distance from whole numbers of steps, at which a smaller part is taken
+MICROSECOND = NANOSECONDS // 1_000_000  # ns
+LONG = 1.5  # times the median of the steps, of one over missing stamps
+PARTS = (1, 2, 3)  # of the median of the steps, that the period may be
+REGULAR = 0.8  # agreement of the steps with a period, beyond which no smaller one is looked for
+NEAR_ROUND = 0.01  # share of a period, by which a round one may differ from it
 
 
-def usual_step(steps: NDArray[np.int64]) -> float:
-    """The usual one of steps from a stamp to the next, all positive [ns], shape (N,).
+def usual_period(steps: NDArray[np.int64]) -> int:
+    """The period of stamps, from the steps from one to the next, all positive [ns], shape (N,).
 
-    What jitters is averaged over all of them; of long ones it is counted how many they are. Where
-    stamps are missing after every other one, the median is no single step.
+    Where stamps are missing after every other one, the median of the steps is no period. One step
+    that an overrun made short is none, either.
+
+    Returns:
+        The period, in whole microseconds [ns]: a whole number of Hz or of milliseconds where one
+        is near.
     """
-    usual, least = float(steps.mean()), np.inf
+    usual, best = float(steps[0]), -math.inf
     for part in PARTS:
         single = steps[steps < LONG / part * np.median(steps)]
-        if not len(single):
+        if not len(single) or best > REGULAR:
             break
-        counts = np.maximum(np.rint(steps / single.mean()), 1.0)
-        step = float(steps.sum() / counts.sum())
-        apart = np.abs(steps / step - counts).mean()
-        if apart < CLEARER * least:
-            usual, least = step, apart
-    return usual
+        period = _refined(np.cumsum([0, *steps]), float(np.median(single)))
+        regular = float(np.cos(2.0 * math.pi / period * steps).mean())
+        if regular > best:
+            usual, best = period, regular
+    second, milli = NANOSECONDS, NANOSECONDS // 1000
+    rounds = second / max(1, round(second / usual)), max(1, round(usual / milli)) * milli
+    nearest = min(rounds, key=lambda each: abs(each - usual))
+    if abs(nearest - usual) <= NEAR_ROUND * usual:
+        usual = nearest
+    return max(1, round(usual / MICROSECOND)) * MICROSECOND
+
+
+def _refined(stamps: NDArray[np.int64], period: float) -> float:
+    """A period made better by steps over more and more stamps [ns].
+
+    Steps count by their phase in the period, so it does not matter how many periods one takes,
+    and what is late by chance counts little.
+    """
+    over = 1
+    while over <= len(stamps) // 2:
+        steps = stamps[over:] - stamps[:-over]
+        phase = np.angle(np.exp(2j * math.pi / period * steps).mean()) / (2.0 * math.pi)
+        period *= 1.0 + float(phase) * period / float(steps.mean())
+        over *= 2
+    return period

@@ -6,14 +6,13 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.common.units import MICROSECOND, NANOSECONDS
 from parallel_robot_model.configuration import hazards
 from parallel_robot_model.configuration.fields import Field, build_groups
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import SLOW
 
 STEP_START = NANOSECONDS  # earliest stamp of t = 0 in lockstep; 0 is "no time yet" in ROS
-MICROSECOND = NANOSECONDS // 1_000_000  # ns
 WAIT = -1  # start_stamp of a node that waits for the common start
 SWAPPED = NANOSECONDS  # by which the stamps of states may go back within one run
 OLDEST = NANOSECONDS // 10  # ns, by which the first state in lockstep may be older than the start

@@ -8,11 +8,13 @@ import os
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from rcl_interfaces.srv import GetParameters
+from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -20,8 +22,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.common.units import NANOSECONDS, usual_step
-from parallel_robot_model.configuration.loop import MICROSECOND, LoopParameters
+from parallel_robot_model.common.units import NANOSECONDS, usual_period
+from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.layouts import OWN
 from parallel_robot_model.messages.topics import DEPTH, JOINT_STATES, QUEUE, Topic
@@ -232,10 +234,16 @@ FEW = 20  # steps from a state to the next, at least, of which the period is fou
 SPAN = NANOSECONDS // 2  # ns, over all of them, at least
 LOOK = 0.1  # s, between two looks whether the states suffice
 REMINDER = 5.0  # s, from one word that it still waits to the next
+ASKED = 'controller', 'trajectory', 'recorder', 'monitor'  # nodes whose period counts, in order
+PATIENCE = 5.0  # s, in which one of them answers
+ALIKE = 0.01  # share of the period, by which that of another node may differ from it
 
 
 def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) -> int:
     """Wait for joint states, and find their period from their stamps.
+
+    Where another node of the run has about the same period, its is taken: all have one, in
+    whatever order they start, also when one starts again.
 
     Args:
         node: The node that waits; nothing else of it happens meanwhile.
@@ -256,6 +264,11 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
     subscription = listen(node, JOINT_STATES, qos, take)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
+    others = {
+        name: node.create_client(GetParameters, f'{name}/get_parameters')
+        for name in ASKED
+        if name != node.get_name()
+    }
     told, period = -REMINDER, 0
     while not period:
         end = time.monotonic() + LOOK
@@ -267,9 +280,35 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
         if not period and end - told > REMINDER:
             node.get_logger().warning(f'period {AUTO}: waits for {subscription.topic_name}')
             told = end
+    node.destroy_subscription(subscription)
+    agreed = _agreed(node, executor, others, period)
     executor.remove_node(node)
     executor.shutdown()
-    node.destroy_subscription(subscription)
+    for client in others.values():
+        node.destroy_client(client)
+    return agreed
+
+
+def _agreed(
+    node: Node, executor: SingleThreadedExecutor, others: Mapping[str, Client], period: int
+) -> int:
+    """The period that another node of the run has, if it is about the same, else this one [ns].
+
+    Those that come first among them are waited for, so that two never take that of each other.
+    """
+    for name, client in others.items():
+        first = node.get_name() not in ASKED[: ASKED.index(name)] and name in node.get_node_names()
+        end = time.monotonic() + PATIENCE
+        while first and not client.service_is_ready() and time.monotonic() < end:
+            executor.spin_once(timeout_sec=LOOK)
+        if not client.service_is_ready():
+            continue
+        future = client.call_async(GetParameters.Request(names=['period']))
+        executor.spin_until_future_complete(future, end - time.monotonic())
+        values = future.result().values if future.done() else []
+        known = round(values[0].double_value * NANOSECONDS) if values else 0
+        if abs(known - period) <= ALIKE * period:
+            return known
     return period
 
 
@@ -286,4 +325,4 @@ def period_of(stamps: np.ndarray) -> int:
     steps = steps[steps > 0]
     if len(steps) < FEW or steps.sum() < SPAN:
         return 0
-    return round(usual_step(steps) / MICROSECOND) * MICROSECOND
+    return usual_period(steps)
