@@ -76,7 +76,9 @@ class Controller(ControllerState):
         self._first: int | None = None  # stamp from which on the first torque of the run acted
         hazards = parse(loop.hazards)
         self._times = (
-            HazardTimes(hazards, loop.period, configuration.safety.state_age) if hazards else None
+            HazardTimes(hazards, loop.period, configuration.safety.state_age, loop.seed)
+            if hazards
+            else None
         )
         self._sample = -1  # of the last state that was heard, for hazards
         self.command = b''  # the command message of the last answer

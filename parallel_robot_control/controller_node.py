@@ -33,7 +33,7 @@ from parallel_robot_control.configuration import (
 )
 from parallel_robot_control.contract import Foreign, JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.joint_states import RefusedStates
+from parallel_robot_control.joint_states import UNTOLD, MissingStates, RefusedStates
 from parallel_robot_control.law_core import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
@@ -106,6 +106,7 @@ class ControllerNode(SuiteNode):
         self._refused = RefusedStates(
             configured.safety.state_age, lambda: self.get_clock().now().nanoseconds
         )
+        self._missing = MissingStates(self._controller.limits.gap)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
         self.create_timer(RIVALS, self._watch_rivals)
@@ -161,7 +162,13 @@ class ControllerNode(SuiteNode):
 
     def diagnose(self) -> dict[str, str]:
         """What the controller is doing."""
-        self._controller.log.rhythm.look()
+        rhythm = self._controller.log.rhythm
+        rhythm.look()
+        ages = self._controller.log.take_ages()
+        taken = self.lost(topics.JOINT_STATES) + self._refused.count
+        self._missing.look(rhythm.last, taken, float(ages.max(initial=0.0)))
+        if self._missing.sent:
+            self.get_logger().warning(self._missing.sent, throttle_duration_sec=UNTOLD)
         figures = {
             'law': self._controller.law.name,
             'laws': self._laws,
@@ -169,9 +176,9 @@ class ControllerNode(SuiteNode):
             **self._controller.joint_unit,
             'limits that acted': limits_text(self._controller.status.acted),
             'answered': str(self._controller.log.answered),
-            'skipped': str(self._controller.log.rhythm.skipped),
+            'skipped': str(rhythm.skipped),
+            'missing': self._missing.figures,
         }
-        ages = self._controller.log.take_ages()
         if ages.size and not self.lockstep:
             p50, p99, largest = 1e3 * np.percentile(ages, [50, 99, 100])
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
@@ -184,6 +191,7 @@ class ControllerNode(SuiteNode):
             doubts |= self._refused.told(
                 self._controller.stamp, self._state_reader.problem, self.loop.joints
             )
+            doubts['missing'] = self._missing.never_sent
         return doubts
 
     def handled(self) -> int:

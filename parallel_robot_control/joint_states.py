@@ -67,6 +67,7 @@ class RefusedStates:
         self._limit, self._ros_time = limit, ros_time
         self._clock_offset = time.time_ns() - time.monotonic_ns()
         self._last, self._noted_at = (faults.NONE, 0), -math.inf
+        self.count = 0  # of states that were refused
 
     def now(self) -> int:
         """Time against which the age of a state is checked [ns].
@@ -87,6 +88,7 @@ class RefusedStates:
     def note(self, wrong: int, difference: int = 0) -> int:
         """Note why a state is refused, and by how much its stamp is wrong [ns]."""
         self._last, self._noted_at = (wrong, difference), time.monotonic()
+        self.count += 1
         return wrong
 
     def told(self, stamp: int, problem: str, joints: tuple[str, ...]) -> dict[str, str]:
@@ -129,6 +131,8 @@ class StateRhythm:
         # from a state to the next [ns]: that of the configuration while it fits
         self.period = self._told = period
         self.skipped = 0  # number of states that were not answered, or never arrived
+        # of what was looked at last: the same, how many were due, the longest step [ns]
+        self.last = 0, 0, 0
         self._noted: deque[NDArray[np.int64]] = deque()
         self._stamps = np.zeros(0, np.int64)
 
@@ -139,6 +143,7 @@ class StateRhythm:
     def look(self) -> None:
         """Take in what was noted since the last time; in one thread alone."""
         new = [self._noted.popleft() for _ in range(len(self._noted))]
+        self.last = 0, 0, 0
         stamps = np.concatenate([self._stamps, *(part[part > 0] for part in new)])
         if len(stamps) <= FEW:
             self._stamps = stamps
@@ -153,8 +158,10 @@ class StateRhythm:
         fits = near and np.mean(periods == 1) > SINGLE
         self.period = self._told if fits else usual_period(steps)
         # Each by itself counts steps that are long by chance, all together a period that is.
-        missing = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
-        self.skipped += max(0, int(missing) - len(steps))
+        due = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
+        missing = max(0, int(due) - len(steps))
+        self.skipped += missing
+        self.last = missing, missing + len(steps), int(steps.max())
 
     @property
     def doubt(self) -> str:
@@ -166,6 +173,70 @@ class StateRhythm:
             f'joint states come at {come:.4g} Hz, the period says {told:.4g} Hz: '
             f'give the controller the period {self.period / NANOSECONDS:.4g}'
         )
+
+
+# States that are missing, told with their likely cause.
+
+HELD = 0.1  # share of the states, from which on real time is not held
+MISSING = 0.02  # share of the states, from which on it is told that they are missing
+UNTOLD = 10.0  # s without that, after which it is told anew
+BROADCASTER = (
+    'ros2_control_node needs chrt -f 25, else its publishing thread has normal priority '
+    '(docs/hardware.md)'
+)
+HELD_UP = 'this node or the network was held up (docs/real_time.md)'
+
+
+def of_missing(missing: int, due: int, longest: int, sent: bool) -> str:
+    """That states are missing, and why that may be.
+
+    Args:
+        missing: How many.
+        due: Of how many.
+        longest: The longest step from a state to the next [ns].
+        sent: Whether they are known to have been sent.
+    """
+    what, cause = ('sent in vain', HELD_UP) if sent else ('never sent', BROADCASTER)
+    gap = 1e3 * longest / NANOSECONDS
+    return f'joint states: {100 * missing / due:.2g} % {what}, gap up to {gap:.3g} ms: {cause}'
+
+
+class MissingStates:
+    """Which states were missing within the last second, by their stamps, and whether it is told.
+
+    Those that were sent the middleware numbers: they came too late to be answered, or not at all.
+    """
+
+    def __init__(self, gap: float) -> None:
+        """Begin with none; `gap`: a step after which the law begins anew [s]."""
+        self._gap = round(gap * NANOSECONDS)
+        self._taken = 0  # states that were lost or refused until the last look
+        self.figures = ''  # share and longest gap of the last second
+        self.never_sent, self._never_sent_at = '', -math.inf
+        self.sent = ''  # that as many were sent in vain that real time is not held
+
+    def look(self, last: tuple[int, int, int], taken: int, late: float) -> None:
+        """Take in what was found.
+
+        Args:
+            last: StateRhythm.last.
+            taken: States that were lost on their way, or refused, since the start.
+            late: Largest age of a state when it was answered [s].
+        """
+        (missing, due, longest), now = last, time.monotonic()
+        in_vain, self._taken = min(missing, taken - self._taken), taken
+        share = 100 * missing / max(due, 1)
+        self.figures = f'{share:.2g} %, longest gap {1e3 * longest / NANOSECONDS:.3g} ms'
+        unsent, self.sent = missing - in_vain, ''
+        if unsent > MISSING * due or (longest > self._gap and unsent > in_vain):
+            self.never_sent = of_missing(unsent, due, longest, False)
+            if late * NANOSECONDS > self._gap:
+                self.never_sent += f'; others come up to {1e3 * late:.3g} ms late'
+            self._never_sent_at = now
+        elif now - self._never_sent_at > UNTOLD:
+            self.never_sent = ''
+        if in_vain > HELD * due:
+            self.sent = of_missing(in_vain, due, longest, True)
 
 
 def _periods(steps: NDArray[np.int64], period: int) -> Array:

@@ -133,7 +133,8 @@ def course_of(plant: Plant, reference: Reference, period: float) -> Course:
     samples, dt = np.arange(count), np.full(count, period)
     if not plant.hazards:
         return undisturbed(reference, period)
-    times = HazardTimes(plant.hazards, period, plant.safety.state_age)
+    seed = int(plant.setup.imperfections.seed)
+    times = HazardTimes(plant.hazards, period, plant.safety.state_age, seed)
     told, answered, late, known, shown = (
         np.array([find(k) for k in range(count)])
         for find in (

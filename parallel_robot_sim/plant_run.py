@@ -42,7 +42,7 @@ class Simulator:
         self._units = ', '.join(axis.unit for axis in axes)
         self._setup, start, hazards, _ = assemble_plant(configuration)
         age = configuration.safety.state_age
-        self._times = HazardTimes(hazards, loop.period, age) if hazards else None
+        self._times = HazardTimes(hazards, loop.period, age, loop.seed) if hazards else None
         self._period = loop.period
         self._patience = self._setup.patience.samples
         n = len(loop.joints)

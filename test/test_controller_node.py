@@ -153,6 +153,21 @@ def test_another_rate_of_the_states_is_told_and_nothing_is_skipped(loop, monkeyp
     assert line.startswith('joint states come at 500 Hz, the period says 1000 Hz: give the')
 
 
+@pytest.mark.parametrize(('lost', 'cause'), [(0, 'never sent'), (100, 'sent in vain')])
+def test_states_that_are_missing_are_told_once_with_their_cause(lost, cause, loop, monkeypatch):
+    lines = lines_of(loop, monkeypatch)
+    monkeypatch.setattr(loop.controller, 'lost', lambda topic: lost)
+    for k in range(400):
+        if k % 4:
+            loop.give(SECOND + k * MS)
+    figures = loop.controller.diagnose()
+    assert figures['missing'] == '25 %, longest gap 2 ms'
+    for _ in range(2):
+        loop.controller._publish_diagnostics()
+    (line,) = (line for line in lines if 'joint states: ' in line)
+    assert line.startswith(f'joint states: 25 % {cause}, gap up to 2 ms: ')
+
+
 def test_a_simulated_time_that_stands_is_told(loop, monkeypatch):
     lines = lines_of(loop, monkeypatch)
     loop.controller._publish_diagnostics()

@@ -21,7 +21,8 @@ from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.messages import reference_messages
 
 SAID = {
-    'joint': 'joint joint2 ', 'limit': 'limit 0.4 ', 'delay': 'delay 0.012 ', 'size': 'size 0.05 '
+    'joint': 'joint joint2 ', 'limit': 'limit 0.4 ', 'delay': 'delay 0.012 ', 'size': 'size 0.05 ',
+    'share': 'share 0.4 ',
 }  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Hazards of a loop: how they are written, and what is refused."""
 
+import numpy as np
 import pytest
 
 from parallel_robot.cli.command_line import main
@@ -30,6 +31,7 @@ WRONG = {
     'commands_lost at -1 for 2': 'hazards[0].at must be from 0 to 1e+06 s, not -1',
     'commands_lost at 1 for nan': "hazards[0].for must be a number, not 'nan'",
     'commands_lost at 1 for 0.0001': 'hazards[0]: for must be at least one period, 0.001 s',
+    'states_dropped share 1.5 at 1 for 1': 'hazards[0].share must be from 0 to 1, not 1.5',
     'motor_dead joint joint7 at 1 for 1': "unknown joint of hazards[0] 'joint7'",
     '': "unknown value of hazards[0] ''",
 }
@@ -43,10 +45,23 @@ def test_texts_and_mappings_are_one_form(text):
     assert resolve('paper_circle', {'hazards': [TYPED[text]]})['hazards'] == [text]
 
 
+def test_a_share_of_the_states_is_dropped_at_random_by_the_seed():
+    (hazard,) = hazards.parse(['states_dropped share 0.1 at 0.5 for 20.0'])
+    one, again, other = (
+        np.array([*map(hazards.HazardTimes([hazard], 1e-3, 0.04, seed).is_told, range(20_500))])
+        for seed in (1, 1, 2)
+    )
+    assert (one == again).all() and one[:500].all()
+    for told in (one, other):
+        assert abs(np.mean(~told[500:]) - 0.1) < 3.0 * np.sqrt(0.1 * 0.9 / 20_000)
+    both = np.mean(~one[500:] & ~other[500:])
+    assert abs(both - 0.01) < 3.0 * np.sqrt(0.01 / 20_000)
+
+
 def test_every_kind_can_be_written():
     for what, kind in KINDS.items():
         joint, size = ('joint2' if 'joint' in kind.words else ''), len(kind.words) > 2
-        sized = {'size', 'limit', 'delay'} & {*kind.words}
+        sized = {'size', 'limit', 'delay', 'share'} & {*kind.words}
         lasts = 0.5 if 'for' in kind.words else 0.0
         hazard = Hazard(what, 1.0, lasts, joint, 0.25 if size and sized else 0.0)
         assert hazards.parse([str(hazard)]) == (hazard,)

@@ -31,6 +31,10 @@ class Topic:
         for number in numbers:
             self.hear(number, after, who)
 
+    @property
+    def lost(self):
+        return self._watch.lost
+
     def contradicted(self, shared):
         return self._watch.contradicted(shared)
 
@@ -78,6 +82,13 @@ def test_a_publisher_that_is_started_again_passes_after_a_silence(period, away, 
     silence = max(SILENCE, PERIODS * period if ghost else 0.0) - away
     assert topic.numbers()[200:] == list(range(held, count)) and not topic.several
     assert held <= max(RUN, silence / period + 1)
+
+
+def test_what_was_sent_and_did_not_come_is_counted():
+    topic = Topic()
+    for after, number in ((PERIOD, 7), (PERIOD, 8), (PERIOD, 10), (0.1, 60), (PERIOD, 61)):
+        topic.hear(number, after)
+    assert topic.lost == 1 + 49 and topic.numbers() == [7, 8, 10, 60, 61]
 
 
 def test_numbers_may_wrap():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot_control.joint_states import StateRhythm
+from parallel_robot_control.joint_states import MissingStates, StateRhythm
 
 MS = 10**6  # ns
 START = 10**9  # ns
@@ -58,3 +58,38 @@ def test_another_run_and_commands_that_answer_no_state_are_no_states():
     rhythm.note(np.zeros(5, np.int64))
     rhythm.look()
     assert rhythm.skipped == 0 and not rhythm.doubt
+
+
+@pytest.mark.parametrize(
+    ('steps', 'taken', 'never', 'sent'),
+    [
+        ([1] * 1000, 0, '', ''),
+        ([1] * 990 + [2] * 5, 0, '', ''),  # of 1000 five, as beside any work
+        (
+            [1, 1, 1, 2] * 200,
+            0,
+            '20 % never sent, gap up to 2 ms: ros2_control_node needs chrt',
+            '',
+        ),
+        ([1] * 970 + [30], 0, '2.9 % never sent, gap up to 30 ms: ros2_control_node', ''),
+        ([1] * 9000 + [30], 0, '0.32 % never sent, gap up to 30 ms: ros2_control_node', ''),
+        ([1, 1, 1, 2] * 200, 200, '', '20 % sent in vain, gap up to 2 ms: this node or the net'),
+        ([1] * 900 + [51], 50, '', ''),  # told as the states that were not answered
+    ],
+)
+def test_missing_states_are_told_with_the_likely_cause(steps, taken, never, sent):
+    missing = MissingStates(0.02)
+    missing.look(found(steps).last, taken, 0.0)
+    for text, told in ((never, missing.never_sent), (sent, missing.sent)):
+        assert bool(text) == bool(told)
+        assert told.startswith(text and f'joint states: {text}')
+    assert len(missing.never_sent[:90].partition('chrt -f 25')[1]) == (10 if never else 0)  # top
+    missing.look((0, 0, 0), taken, 0.0)
+    assert bool(missing.never_sent) == bool(never) and not missing.sent  # not told at each look
+
+
+def test_states_that_come_late_are_told_beside_those_that_are_missing():
+    missing = MissingStates(0.02)
+    missing.look(found([1, 1, 1, 2] * 200).last, 0, 0.342)
+    assert missing.never_sent.endswith('; others come up to 342 ms late')
+    assert missing.figures == '20 %, longest gap 2 ms'

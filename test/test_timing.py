@@ -169,6 +169,23 @@ def test_real_time_is_held_up_to_the_bounds(answered, lags, held):
     assert slow.realtime is (answered >= 900)
 
 
+@pytest.mark.parametrize(
+    ('lost', 'told'), [(0, '10 % never sent, gap up to 5 ms: ros2'), (100, '')]
+)
+def test_states_that_were_never_sent_are_told_with_the_likely_cause(lost, told, read):
+    """Those that the recorder lost are none."""
+    found, _ = loop(np.ones(N + 1, int))
+    away = {*range(100, 104), *range(200, 392, 2)}
+    states = found[topics.JOINT_STATES]
+    found[topics.JOINT_STATES] = [each for k, each in enumerate(states) if k not in away]
+    log, past = read(found), NOTHING._replace(lost={'/joint_states': lost})
+    timed = timing.evaluate(log, past)
+    assert timing.as_json(timed)['longest_gap_s'] == 0.005
+    lines = timing.never_sent(timed, log.messages, past)
+    assert len(lines) == bool(told) and ''.join(lines).startswith(told and f'joint states: {told}')
+    assert not timing.never_sent(timed._replace(delay=np.zeros(0)), log.messages, past)  # lockstep
+
+
 def test_lags_and_delays_are_told_in_milliseconds():
     lag, delay = np.arange(1, 101), 1e-3 * np.arange(101)
     told = timing.as_json(timing.Timing(1000, 990, 2e-3, lag, 0, delay, {}))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,12 +14,14 @@ from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import matching
 from parallel_robot.bags.run.matching import Answers
-from parallel_robot.bags.run.run_log import RunLog
+from parallel_robot.bags.run.run_log import RunLog, TopicCount
+from parallel_robot_control.joint_states import MISSING, of_missing
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import loop_of
+from parallel_robot_model.messages import topics
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.plant import PlantParameters
 
@@ -56,6 +58,7 @@ class Timing(NamedTuple):
     delay: NDArray[np.float64]
     # node to the real-time priority that it was granted, where the bag says so
     priority: dict[str, str]
+    gap: int = 0  # longest step from a state to the next [ns]
 
     @property
     def skipped(self) -> int | None:
@@ -117,6 +120,7 @@ def evaluate(log: RunLog, history: History) -> Timing:
         uncommanded,
         delay if wall else delay[:0],
         granted_priorities(history),
+        int(np.diff(log.stamps).max(initial=0)),
     )
 
 
@@ -150,6 +154,22 @@ def remarks(timing: Timing, history: History) -> list[str]:
     return lines
 
 
+def never_sent(timing: Timing, counts: Mapping[str, TopicCount], history: History) -> list[str]:
+    """A line on states that were never sent to a loop in wall time, with the likely cause.
+
+    Args:
+        timing: How the run kept its time.
+        counts: Messages by topic, see :func:`run_log.count`.
+        history: What the bag says besides the motion.
+    """
+    states = counts.get(topics.JOINT_STATES.name, TopicCount(0, 0))
+    due = states.count + states.missing
+    missing = states.missing - history.lost.get(f'/{topics.JOINT_STATES.name}', 0)
+    if not timing.delay.size or missing <= MISSING * due:
+        return []
+    return [of_missing(missing, due, timing.gap, False)]
+
+
 def as_json(timing: Timing) -> dict[str, Any]:
     """How a run kept its time as plain data; None for what the bag does not say."""
     p50, p99, largest = (None, None, None)
@@ -167,6 +187,7 @@ def as_json(timing: Timing) -> dict[str, Any]:
         'lag_p99_ms': p99,
         'lag_max_ms': largest,
         'uncommanded': timing.uncommanded,
+        'longest_gap_s': timing.gap / NANOSECONDS,
         **{f'delay_{name}_ms': value for name, value in delay.items()},
         'realtime': timing.realtime,
         'priority': timing.priority,

@@ -67,6 +67,7 @@ class RunningTiming:
         self._history = history
         self._told = int(history.facts.get('start_stamp', 0))
         self._says = self._measured = self._begun = False
+        self._newest = self._gap = 0  # stamp of the last state, longest step to one [ns]
         self._first = self._told
         self._period = 0
         self._states, self._answered = 0, 0
@@ -84,6 +85,9 @@ class RunningTiming:
             return
         if not self._period:
             self._begin(log)
+            self._newest = int(log.stamps[0])
+        self._gap = max(self._gap, int(np.diff(log.stamps, prepend=self._newest).max()))
+        self._newest = int(log.stamps[-1])
         answers, age = log.answers, reported_age(log.config)
         states = np.zeros(0, np.int64) if answers is None else answers.states
         states = states[states > 0]
@@ -128,6 +132,7 @@ class RunningTiming:
             self._uncommanded + self._idle if self._says and self._measured else 0,
             delay,
             granted_priorities(self._history),
+            self._gap,
         )
 
     def _begin(self, log: RunLog) -> None:

@@ -9,17 +9,20 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
+from hashlib import blake2b
 from typing import Any, NamedTuple
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError, printable
 from parallel_robot_model.configuration.fields import Field, check
 
 KEY = 'hazards'
-WHAT, JOINT, SIZE, LIMIT, DELAY, AT, FOR = 'what', 'joint', 'size', 'limit', 'delay', 'at', 'for'
+WHAT, JOINT, SIZE, LIMIT, DELAY = 'what', 'joint', 'size', 'limit', 'delay'
+SHARE, AT, FOR = 'share', 'at', 'for'
 NUMBERS = {
     SIZE: Field('', ''),
     LIMIT: Field('N m', '', 0.0),
     DELAY: Field('s', '', 0.0, 1.0),
+    SHARE: Field('', '', 0.0, 1.0),
     AT: Field('s', '', 0.0, 1e6),
     FOR: Field('s', '', 0.0, 1e6),
 }
@@ -53,6 +56,7 @@ KINDS = {
     'controller_paused': Kind(LASTS, 'the controller stands still'),
     'controller_restarted': Kind(LASTS, 'the controller is away, and knows nothing afterwards'),
     'plant_paused': Kind(LASTS, 'states, poses and commands are lost: a link is down'),
+    'states_dropped': Kind((SHARE, *LASTS), 'a share of the states is never sent, at random'),
     'clear_fault': Kind((AT,), 'somebody calls ~/clear_fault'),
 }
 
@@ -64,7 +68,7 @@ class Hazard(NamedTuple):
     at: float  # when it begins, since the start of the motion [s]
     lasts: float = 0.0  # how long [s]
     joint: str = ''  # name of the joint; empty where it is about all
-    size: float = 0.0  # size, limit or delay, in the unit of the kind
+    size: float = 0.0  # size, limit, delay or share, in the unit of the kind
 
     @property
     def end(self) -> float:
@@ -84,7 +88,7 @@ class Hazard(NamedTuple):
     def __str__(self) -> str:
         """The hazard as it is typed."""
         said = {JOINT: self.joint, SIZE: self.size, LIMIT: self.size, DELAY: self.size}
-        said |= {AT: self.at, FOR: self.lasts}
+        said |= {SHARE: self.size, AT: self.at, FOR: self.lasts}
         return ' '.join([self.what, *(f'{word} {said[word]}' for word in KINDS[self.what].words)])
 
 
@@ -194,15 +198,23 @@ REFUSED = 0.1  # s, for which all states are refused before that is a fault
 class HazardTimes:
     """The hazards of a loop by sample, counted from the start of its motion."""
 
-    def __init__(self, hazards: Sequence[Hazard], period: float, state_age: float) -> None:
+    def __init__(
+        self, hazards: Sequence[Hazard], period: float, state_age: float, seed: int
+    ) -> None:
         """Take the hazards.
 
         Args:
             hazards: The hazards.
             period: Of the samples [s].
             state_age: Age of a state from which on it is not answered [s].
+            seed: Of which states are dropped, that of the plant.
         """
         times = [(hazard, *hazard.samples(period)) for hazard in hazards]
+        self._dropped = [
+            (begin, end, each.size, f'{seed} {begin} ')
+            for each, begin, end in times
+            if each.what == 'states_dropped'
+        ]
         self._untold = [(begin, end) for each, begin, end in times if each.what in UNTOLD]
         self._paused = [(begin, end) for each, begin, end in times if each.what == 'plant_paused']
         self._invalid = [(begin, end) for each, begin, end in times if each.what == 'velocity_nan']
@@ -225,7 +237,11 @@ class HazardTimes:
     def is_told(self, sample: int) -> bool:
         """Whether there is a state message at a sample; one that is late is not there at first."""
         waits = any(begin <= sample < min(begin + late, end) for begin, end, late in self._late)
-        return not (waits or _within(sample, self._untold))
+        dropped = any(
+            begin <= sample < end and _drawn(f'{draws}{sample}') < share
+            for begin, end, share, draws in self._dropped
+        )
+        return not (waits or dropped or _within(sample, self._untold))
 
     def is_answered(self, sample: int) -> bool:
         """Whether a controller answers the state at a sample."""
@@ -299,6 +315,11 @@ class HazardTimes:
                 if begin <= newest < end:
                     newest = begin - 1
         return max(0, newest)
+
+
+def _drawn(text: str) -> float:
+    """A number from [0, 1) that follows from a text alone."""
+    return int.from_bytes(blake2b(text.encode(), digest_size=4).digest(), 'big') / 2**32
 
 
 def _within(sample: int, times: Sequence[tuple[int, int]]) -> bool:

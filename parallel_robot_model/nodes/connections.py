@@ -175,6 +175,10 @@ class Connections:
         heard = take_all if self._lockstep else take
         self._inputs[topic] = listen(self._node, topic, qos, heard)
 
+    def lost(self, topic: Topic) -> int:
+        """Number of messages of a topic that were sent and did not come, or too many at once."""
+        return self._watched[topic].lost
+
     def missing(self) -> str:
         """What the node still waits for; empty when every partner is there."""
         for topic, subscription in self._inputs.items():

@@ -222,6 +222,7 @@ class SinglePublisher:
             clock: Gives the time [s].
         """
         self._alone, self._clock = alone, clock
+        self.lost = 0  # messages of the trusted publisher that were sent and did not come
         self._trusted: _Stream | None = None
         self._other: _Stream | None = None  # the stranger heard last
         self._last = 0  # number of the last message, whosever
@@ -256,6 +257,7 @@ class SinglePublisher:
         self._last = number
         if trusted is not None and trusted.follows(number, now):
             if other is None or not other.may_send(number, now) or self._alone():
+                self.lost += number - trusted.number - 1
                 trusted.take(number, now)
                 if self._interrupted:
                     self._interrupted = False

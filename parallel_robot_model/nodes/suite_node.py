@@ -231,6 +231,10 @@ class SuiteNode(Node):  # type: ignore[misc]
         """
         self._connections.subscribe(topic, callback, complete)
 
+    def lost(self, topic: Topic) -> int:
+        """Number of messages of a topic that were sent and did not come, or too many at once."""
+        return self._connections.lost(topic)
+
     def keep_time(self, tick: Callable[[int], None], ahead: int = 0) -> None:
         """Call ``tick(stamp)`` for the stamp of each sample [ns], once the node has begun.
 

@@ -142,7 +142,7 @@ class RecordedController:
         self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
         acts = self.stamps if log.used is None else log.used.acts[self.rows]
-        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf).renewals
+        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf, 0).renewals
         rows = np.searchsorted((acts - log.start_stamp) // self._loop.period_ns, ends)
         # rows of the first states that new controllers hear
         self._renewals = rows[(rows > 0) & (rows < len(self.rows))]

@@ -147,7 +147,10 @@ class Recorder:
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._lockstep = loop.lockstep
         self._times = HazardTimes(
-            parse(loop.hazards), loop.period, float(values.get('safety.state_age', math.inf))
+            parse(loop.hazards),
+            loop.period,
+            float(values.get('safety.state_age', math.inf)),
+            loop.seed,
         )
         self._answered = filter(self._times.is_answered, itertools.count())  # samples
         self._expected: dict[Topic, int] = {}  # messages of the whole motion

@@ -129,7 +129,7 @@ class _Streams:
         slow = due = samples[-part.first % topics.SLOW :: topics.SLOW]
         if len(experiment.plant.hazards) and not part.first:
             age_limit = experiment.plant.safety.state_age
-            times = HazardTimes(experiment.plant.hazards, loop.period, age_limit)
+            times = HazardTimes(experiment.plant.hazards, loop.period, age_limit, loop.seed)
             due = np.array(times.due(count, topics.SLOW), np.int64)
         if self._effort is None:
             self._effort = ReportedEffort(round(part.age / loop.period))

@@ -87,6 +87,7 @@ def execute(arguments: argparse.Namespace) -> int:
             figures.draw_run(named, run.motion, figure, arguments.scale, marks, run.path.poses)
     quiet = ['no limit acted, no fault'] if past.statuses and not run.saturated else []
     remarks = [*(history.remarks(past, log.start_stamp) or quiet), *timing.remarks(timed, past)]
+    remarks += timing.never_sent(timed, log.messages, past)
     remarks += history.new_motions(past, log.start_stamp)
     remarks += [
         *run.remarks,
