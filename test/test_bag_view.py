@@ -97,6 +97,25 @@ def test_topics_of_other_names_are_named_and_taken(tmp_path):
     assert (recording.read(bag, view=asked(topics=options)).log.position == home.position).all()
 
 
+def test_no_advice_names_a_topic_without_messages(tmp_path):
+    """An empty one of the suite's own name, as a recorder leaves it, or in a namespace."""
+    whole, own = streams(*motion()), topics.COMMANDS.name
+    empty, commands = {**whole, topics.COMMANDS: []}, {topics.COMMANDS: whole[topics.COMMANDS]}
+    for runs, meant in (
+        ({'': empty, '/law': commands}, f'/law/{own}'),
+        ({'/law': empty, '': commands}, f'/{own}'),
+    ):
+        bag = write(tmp_path / meant.replace('/', ' '), runs)
+        with pytest.raises(BagError, match=f'--topic commands={meant} takes it') as error:
+            recording.read(bag)
+        assert 'Float64MultiArray), without a message' in str(error.value)
+        assert len(recording.read(bag, view=asked(topics={'commands': meant})).log.command)
+    bag = write(tmp_path / 'alone', {'/arm': empty})
+    for options in ({}, {'commands': f'/arm/{own}'}):
+        with pytest.raises(BagError, match=r'it has /arm/.*MultiArray\), without a message$'):
+            recording.read(bag, view=asked(topics=options))
+
+
 def test_one_of_several_robots_is_chosen(tmp_path):
     runs = {'/left': streams(*motion()), '/right': streams(*motion(100))}
     bag = write(tmp_path / 'bag', runs)

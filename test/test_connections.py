@@ -87,3 +87,19 @@ def test_a_publisher_that_was_restarted_is_not_called_two(node, peer):
     assert relay.told[0].startswith(
         'messages of two publishers, one ended or not known yet, those'
     )
+
+
+@pytest.mark.parametrize('node', ['wall'], indirect=True)
+def test_a_publisher_that_was_killed_is_not_called_one_that_is_used(node, monkeypatch):
+    """ROS counts it for 20 s, under the name of the one that was started in its place."""
+    relay, _ = node(Relay, None)
+    named = SimpleNamespace(node_namespace='/', node_name='joint_state_broadcaster')
+    monkeypatch.setattr(relay, 'get_publishers_info_by_topic', lambda _: [named] * 2)
+    monkeypatch.setattr(relay._connections, 'silence', lambda _: 2.34)
+    relay._on_stranger(topics.JOINT_STATES, several=False)
+    relay._publish_diagnostics()
+    assert relay.told == [
+        'messages of two publishers, one silent for 2.3 s: if it was killed, it counts for 20 s, '
+        'the other is used: /joint_states has 2 publishers: /joint_state_broadcaster, '
+        '/joint_state_broadcaster'
+    ]

@@ -32,6 +32,10 @@ class Topic:
             self.hear(number, after, who)
 
     @property
+    def silence(self):
+        return self._watch.silence
+
+    @property
     def lost(self):
         return self._watch.lost
 
@@ -89,6 +93,15 @@ def test_what_was_sent_and_did_not_come_is_counted():
     for after, number in ((PERIOD, 7), (PERIOD, 8), (PERIOD, 10), (0.1, 60), (PERIOD, 61)):
         topic.hear(number, after)
     assert topic.lost == 1 + 49 and topic.numbers() == [7, 8, 10, 60, 61]
+
+
+def test_how_long_one_was_silent_is_known_when_another_takes_its_place():
+    topic = Topic()
+    topic.hear_all(range(500, 600))
+    topic.publishers = 2  # one of them was killed
+    topic.hear(1, 2.0, SECOND)
+    topic.hear_all(range(2, 50), who=SECOND)
+    assert topic.silence == pytest.approx(2.0, abs=0.01) and topic.numbers(SECOND)
 
 
 def test_numbers_may_wrap():

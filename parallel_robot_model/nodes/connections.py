@@ -179,6 +179,10 @@ class Connections:
         """Number of messages of a topic that were sent and did not come, or too many at once."""
         return self._watched[topic].lost
 
+    def silence(self, topic: Topic) -> float:
+        """For how long one publisher of an input was silent when another was heard [s]."""
+        return self._watched[topic].silence
+
     def missing(self) -> str:
         """What the node still waits for; empty when every partner is there."""
         for topic, subscription in self._inputs.items():

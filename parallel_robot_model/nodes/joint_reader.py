@@ -223,6 +223,8 @@ class SinglePublisher:
         """
         self._alone, self._clock = alone, clock
         self.lost = 0  # messages of the trusted publisher that were sent and did not come
+        # s, for which the trusted one had been silent when another was heard last
+        self.silence = 0.0
         self._trusted: _Stream | None = None
         self._other: _Stream | None = None  # the stranger heard last
         self._last = 0  # number of the last message, whosever
@@ -268,6 +270,7 @@ class SinglePublisher:
                 other.heard, other.run = now, max(2, other.run)
                 self._turn(now)
             return True
+        self.silence = now - trusted.heard if trusted is not None else 0.0
         if self._is_to_be_trusted(number, last, now):
             self._trusted, self._other, self._interrupted = self._other, None, False
             return False

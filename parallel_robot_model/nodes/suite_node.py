@@ -40,6 +40,7 @@ from parallel_robot_model.nodes.background import (
     diagnostics_message,
 )
 from parallel_robot_model.nodes.connections import AUTO, Connections, wait_for_period
+from parallel_robot_model.nodes.joint_reader import SILENCE
 from parallel_robot_model.nodes.parameters import START, BoundedParameterService, CommonStart
 from parallel_robot_model.processes.node_processes import WATCH
 from parallel_robot_model.processes.realtime import DeadlineThread
@@ -400,7 +401,6 @@ class SuiteNode(Node):  # type: ignore[misc]
 
     def _tell_strangers(self) -> None:
         """Tell who else publishes on topics of this node; again when more becomes known."""
-        used = 'all are used' if self.lockstep else 'those of one are left out'
         told, several = self._told_strangers, self._connections.several_publishers()
         for topic, heard_at in [*self._heard_strangers.items()]:
             if time.monotonic() - heard_at > STRANGERS:
@@ -408,6 +408,13 @@ class SuiteNode(Node):  # type: ignore[misc]
             publishers = self._connections.publishers_of_input(topic)
             if topic not in told or (topic.name in several and told[topic] != publishers):
                 what = '' if topic.name in several else ', one ended or not known yet'
+                used = 'all are used' if self.lockstep else 'those of one are left out'
+                silence = self._connections.silence(topic)
+                if silence > SILENCE and not self.lockstep:
+                    what = (
+                        f', one silent for {silence:.2g} s: if it was killed, it counts for 20 s'
+                    )
+                    used = 'the other is used'
                 self.doubt(f'messages of two publishers{what}, {used}: {publishers}')
                 told[topic] = publishers
 

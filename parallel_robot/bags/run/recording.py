@@ -253,10 +253,7 @@ class _Source:
         log = aligned(self._bag, self.found, known, self._settings, self._view, span)
         log = without_absent_topics(log, absent)
         there = {topic: parts for topic, parts in known.items() if topic not in absent}
-        lacking = [
-            f'{self._bag} has no messages on {run_messages.wanted(topic, there, self.found)}'
-            for topic in absent
-        ]
+        lacking = [run_messages.wanted(self._bag, topic, there, self.found) for topic in absent]
         left = [
             f'{self._bag}: {each.number} messages on {topic.name} are not understood: '
             f'{each.reason}; they are left out'

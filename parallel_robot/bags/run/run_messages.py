@@ -11,6 +11,7 @@ import numpy as np
 
 from parallel_robot.bags.bag_reader import AS_RECORDED, INSTEAD, Bag, BagView
 from parallel_robot.bags.files.bag_files import files
+from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.run import matching
@@ -61,10 +62,11 @@ def streams_of(
     return {topic: [*itertools.chain(*parts)] for topic, parts in streams.items() if parts}
 
 
-def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
-    """A topic that a bag lacks, its type, what may be meant instead, and the option that says so.
+def wanted(bag: Path, topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
+    """That a bag lacks a topic, what may be meant instead, and the option that says so.
 
     Args:
+        bag: The bag.
         topic: The topic.
         known: The topics that the bag has.
         found: What was read of it.
@@ -78,7 +80,7 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
         if (other.replace('/msg/', '/') in kinds or name.endswith(f'/{topic.name}'))
         and name.lstrip('/') not in taken
     ]
-    what = f'{topic.name} ({topic.type})'
+    what = f'{bag} has no messages on {topic.name} ({topic.type})'
     if not others:
         names = ', '.join(printable(name, 60) for name in [*channels][:FEW])
         names += f' and {len(channels) - FEW} others' if len(channels) > FEW else ''
@@ -88,21 +90,30 @@ def wanted(topic: Topic, known: Mapping[Topic, Any], found: Bag[Any]) -> str:
         return (
             f'{what}, nor on another topic of that type; it has {names or "no topics"}{needless}'
         )
+    counts = _counts(bag)
+    empty = {name for name, _ in others if not counts.get(name, 1)}
     shown = ', '.join(
-        f'{printable(name, 60)} ({printable(other, 60)})'
-        if name not in found.encodings
-        else f'{printable(name, 60)} ({printable(other, 60)} as {found.encodings[name]:.20})'
+        f'{printable(name, 60)} ({printable(other, 60)}'
+        + (f' as {found.encodings[name]:.20}' if name in found.encodings else '')
+        + (')' if name not in empty else '), without a message')
         for name, other in others[:FEW]
     )
     alike = [name for name, other in others if other in (topic.type, *INSTEAD.get(topic, ()))]
     strange = any(name in found.encodings for name, _ in others)
-    alike = [name for name in alike if name not in found.encodings and name != f'/{topic.name}']
+    alike = [name for name in alike if name not in {*found.encodings, *empty}]
     if not alike:
         help_text = '; only messages as cdr, of ROS 2, are read' if strange else ''
-        help_text = help_text or ', without a message' * (f'/{topic.name}' in channels)
         return f'{what}; it has {shown}{help_text}'
     word = topic.name.rpartition('/')[2]
     return f'{what}; it has {shown}: --topic {word}={printable(alike[0], 60)} takes it'
+
+
+def _counts(bag: Path) -> dict[str, int]:
+    """Messages of each topic by full name, as far as they are known."""
+    try:
+        return dict(BagReader(bag, make_index=True).counts)
+    except BagError:
+        return {}
 
 
 # Doubts about recorded states: several recordings taken for one, other units or signs.
@@ -227,7 +238,7 @@ def of(
     """
     for needed in NEEDED:
         if needed not in streams:
-            raise BagError(f'{bag} has no messages on {wanted(needed, streams, found)}')
+            raise BagError(wanted(bag, needed, streams, found))
     streams, warnings = dict(streams), [*found.warnings]
     for topic in (topics.JOINT_STATES, topics.REFERENCE):
         streams[topic], remarks = ours(topic, streams[topic], joints)
