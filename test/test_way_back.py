@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from assembly import simulated
 
+import parallel_robot as pr
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT
@@ -71,3 +72,30 @@ def test_a_motor_that_gives_a_little_less_is_not_looked_at_where_this_is_off():
     first = np.flatnonzero(made.fault)[0] * 1e-3
     assert 1.2 <= first < 1.5  # safety.effort_timeout
     assert not simulated(resolve('paper_circle', values | off)).run.fault.any()
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'observer_s_fotsmc', 'pid'])
+@pytest.mark.parametrize('lasts', [0.02, 0.05, 0.1, 0.2, 0.34])
+def test_after_a_pause_of_ros2_control_the_torque_is_calm(lasts, law):
+    """Its effort controller hands on the last torque; beside the pause a tenth is missing."""
+    found = []
+    for pause in ([], [f'states_lost at 2.0 for {lasts}']):
+        hazards = ['states_dropped share 0.1 at 0.0 for 4.0', *pause]
+        values = {'law': law, 'duration': 4.0, 'hazards': hazards, 'plant.command_timeout': 1.0}
+        made = simulated(values := resolve('paper_circle', values)).run
+        assert not made.fault.any()
+        effort = made.effort[1000:]
+        found.append((np.abs(effort).max(), np.abs(np.diff(effort, axis=0)).max()))
+    (_, usual), (largest, step) = found
+    assert largest < 10.0  # N m
+    assert step < max(values['safety.ramp_rate']) * values['period'] + usual
+
+
+@pytest.mark.parametrize('share', [0.05, 0.1, 0.2])
+def test_states_that_are_missing_at_random_cost_s_fotsmc_nothing(share):
+    errors = []
+    for each in (0.0, share):
+        hazards = [f'states_dropped share {each} at 0.0 for 8.0']
+        run = pr.simulate('paper_circle', duration=8.0, seed=3, hazards=hazards)
+        errors.append(np.sqrt(np.mean(np.sum(run.pose_error[4000:, :2] ** 2, axis=1))))
+    assert errors[1] < 5e-6 and errors[1] < 1.1 * errors[0]  # m
