@@ -28,6 +28,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
+    held_by_loops,
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import joined
@@ -93,12 +94,10 @@ def numbers(node: Node, text: str, what: str, count: int) -> Array:
 
 def number(node: Node | None, key: str, default: float = 0.0, text: Text = of_attribute) -> float:
     """A number of an element; the default where that or the element is missing."""
-    found = text(node, key)
-    if node is None or found is None:
-        return default
+    found = text(node, key) or ''
     if abs(default) == INFINITY and found.strip().lstrip('+-') in ('inf', 'infinity'):
         return float(found)  # a limit that is none
-    return float(numbers(_place(node, key), found, key, 1)[0])
+    return float(vector(node, key, (default,), text)[0])
 
 
 def vector(
@@ -108,12 +107,8 @@ def vector(
     found = text(node, key)
     if node is None or found is None:
         return np.array(default)
-    return numbers(_place(node, key), found, key, len(default))
-
-
-def _place(node: Node, key: str) -> Node:
-    """Where a number stands: in an element of its own, or in an attribute."""
-    return next((each for each in children(node) if each.tag == key), node)
+    own = [each for each in children(node) if each.tag == key]  # where it stands, or an attribute
+    return numbers((own or [node])[0], found, key, len(default))
 
 
 def unit(node: Node, axis: Array) -> Array:
@@ -229,7 +224,13 @@ class Edge(NamedTuple):
 
 
 def link(
-    node: Node, inertial: Node | None, frame: Frame, mass: float, text: Text, default: float
+    node: Node,
+    inertial: Node | None,
+    frame: Frame,
+    mass: float,
+    text: Text,
+    default: float,
+    weightless: bool,
 ) -> Body:
     """A link before it has a place."""
     if mass < 0.0:
@@ -239,8 +240,10 @@ def link(
         number(moments, key, default if key[1] == key[2] else 0.0, text) for key in MOMENTS
     )
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    turned_inertia = frame.rotation @ inertia @ frame.rotation.T
-    return Body(name_of(node), WORLD, np.eye(3), np.zeros(3), mass, frame.position, turned_inertia)
+    return Body(
+        name_of(node), WORLD, np.eye(3), np.zeros(3), mass, frame.position,
+        frame.rotation @ inertia @ frame.rotation.T, float(weightless),
+    )  # fmt: skip
 
 
 def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
@@ -310,24 +313,13 @@ def followers(joints: dict[str, Node], text: Text) -> list[Coupling]:
 
 def check_held(description: Description, edges: Sequence[Edge]) -> None:
     """Refuse a link that has all freedoms, or those of a plane, and that no loop holds."""
-    held: set[int] = set()
-    for each in description.loops:
-        held |= _above(description, each.first) ^ _above(description, each.second)
+    held = held_by_loops(description)
     for edge in edges:
         if len(edge.steps) > 2 and description.frames[edge.child].body not in held:
             what = 'floats' if edge.steps[-1].kind == BALL else 'slides in a plane'
             raise refused(
                 edge.node, f'{what}, and no loop holds it; a robot must be fixed to the world'
             )
-
-
-def _above(description: Description, frame: Frame) -> set[int]:
-    """The bodies from that of a frame down to the world."""
-    found, body = set(), frame.body
-    while body != WORLD:
-        found.add(body)
-        body = description.bodies[body].parent
-    return found
 
 
 # A tree spread over links and joints; the joints that are left close its loops.

@@ -45,7 +45,7 @@ def guessed(description: Description, parts: Assembly, driven: list[int]) -> Too
     tree = parts.tree
     closed = _tied(tree, [e for e in parts.equations if e.kind != COUPLING])
     moving = {*closed, *driven, *_tied(tree, parts.equations)}
-    moved = {i for i in range(len(tree.links)) if moving.issuperset(_path(tree, i))}
+    moved = {i for i in range(len(tree.links)) if moving.issuperset(tree.path(i))}
     for word in WORDS:
         pattern = re.compile(rf'(?:^|[\W_\d]){word}(?:$|[\W_\d])', re.IGNORECASE)
         for name in sorted(description.frames, key=len):
@@ -54,28 +54,16 @@ def guessed(description: Description, parts: Assembly, driven: list[int]) -> Too
                 return Tool(name, host)
     if closed:
         return _platform(description, parts, driven)
-    last = max(driven, key=lambda i: len(_path(tree, i)), default=BASE)
+    last = max(driven, key=lambda i: len(tree.path(i)), default=BASE)
     hosts = {name: tree.on_link(frame) for name, frame in description.frames.items()}
     away = [name for name, host in hosts.items() if host.body == last and host.position.any()]
     return Tool(away[0], hosts[away[0]]) if len(away) == 1 else _origin(description, tree, last)
 
 
-def _path(tree: Tree, link: int) -> list[int]:
-    """The links from one to the base."""
-    path = []
-    while link != BASE:
-        path.append(link)
-        link = tree.links[link].parent
-    return path
-
-
 def _tied(tree: Tree, equations: list[Equation] | tuple[Equation, ...]) -> set[int]:
     """The links between what equations tie together."""
-    return {
-        link
-        for equation in equations
-        for link in {*_path(tree, equation.first.body)} ^ {*_path(tree, equation.second.body)}
-    }
+    ends = ((each.first.body, each.second.body) for each in equations)
+    return {i for a, b in ends for i in {*tree.path(a)} ^ {*tree.path(b)}}
 
 
 def _platform(description: Description, parts: Assembly, driven: list[int]) -> Tool:

@@ -12,7 +12,7 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError, pri
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.configuration.robot_file import Node
-from parallel_robot_model.mechanisms.description import mjcf, sdf, urdf
+from parallel_robot_model.mechanisms.description import mjcf, urdf_sdf
 from parallel_robot_model.mechanisms.description.assembly import (
     Assembly,
     Inertia,
@@ -39,6 +39,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     added,
     check_bounds,
+    held_by_loops,
     independent,
     listed,
     null_space,
@@ -444,16 +445,9 @@ def _floats(description: Description) -> set[str]:
 
 def _check_floating(description: Description) -> None:
     """Refuse bodies that float, with what they carry, and that no loop holds."""
-    slides = _floats(description)
+    slides, held = _floats(description), held_by_loops(description)
     for joint in description.joints:
-        if not slides.issuperset(slides_of(joint.name)):
-            continue
-        carried = {joint.body}
-        for i, body in enumerate(description.bodies):
-            if body.parent in carried:
-                carried.add(i)
-        ends = ((loop.first.body, loop.second.body) for loop in description.loops)
-        if all((one in carried) == (other in carried) for one, other in ends):
+        if slides.issuperset(slides_of(joint.name)) and joint.body not in held:
             raise InputError(
                 f'{description.source}: body {printable(description.bodies[joint.body].name)!r} '
                 'floats, and no loop holds it; a robot must be fixed to the world'
@@ -471,7 +465,7 @@ def _check_names(description: Description) -> None:
 
 # The description of a robot from its text.
 
-READERS = {'robot': urdf.read, 'sdf': sdf.read}
+READERS = {'robot': urdf_sdf.read_urdf, 'sdf': urdf_sdf.read_sdf}
 
 
 def read(text: str, source: str = 'description') -> Description:

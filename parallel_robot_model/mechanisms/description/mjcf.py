@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     Frame,
     Joint,
     Loop,
+    Polynomial,
+    Range,
     Tendon,
     added,
     floating,
@@ -192,146 +194,6 @@ def _reason(text: str, merged: bool) -> str:
     return printable(re.sub(r',? line \d+', '', text) if merged else text)
 
 
-# What drives joints, how strong it is, and what its rotor adds.
-
-
-class _Drive(NamedTuple):
-    """An actuator of MuJoCo and what it acts on."""
-
-    actuator: Actuator  # with the name of a joint; empty: it drives no single one
-    tendon: int  # index of a fixed tendon that it pulls, or -1
-    motor: bool  # whether its control is a force
-
-
-class _Drives:
-    """The actuators of a compiled model."""
-
-    def __init__(self, model: Any, joints: Sequence[str], source: str) -> None:
-        self._model, self._joints, self._source = model, joints, source
-        self._mujoco = optional('mujoco')
-
-    def read(self, doubts: list[str]) -> tuple[list[Actuator], list[_Drive]]:
-        """What drives joints, and what pulls tendons that are of several joints."""
-        model = self._model
-        count = len(model.actuator_trntype)
-        names = [str(model.actuator(i).name) or f'actuator_{i}' for i in range(count)]
-        off = {i for i in range(count) if self._is_off(i)}
-        if off:
-            doubts.append(f'actuators are switched off by the file: {_of(names, off)}')
-        drives = {i: self._drive(i, names[i]) for i in range(count) if i not in off}
-        names = [drives[i].actuator.name if i in drives else name for i, name in enumerate(names)]
-        driven = {i: drive for i, drive in drives.items() if drive.actuator.joint}
-        moved = {drive.actuator.joint for drive in driven.values() if drive.motor}
-        others = drives.keys() - driven.keys()
-        beside = {
-            i for i, drive in driven.items() if not drive.motor and drive.actuator.joint in moved
-        }
-        servos = {i for i, drive in driven.items() if not drive.motor} - beside
-        if others:
-            what = 'actuators that drive no single joint are left out'
-            doubts.append(f'{what}: {_of(names, others)}')
-        if beside:
-            doubts.append(f'servos beside motors are left out: {_of(names, beside)}')
-        if servos:
-            what = 'servos are taken for motors, their gains left out'
-            doubts.append(f'{what}: {_of(names, servos)}')
-        found = [
-            drive.actuator._replace(effort=(0.0, 0.0)) if i in beside else drive.actuator
-            for i, drive in driven.items()
-        ]
-        return found, [drives[i] for i in sorted(others) if drives[i].tendon >= 0]
-
-    def _is_off(self, index: int) -> bool:
-        model = self._model
-        group = int(model.actuator_group[index])
-        off = model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_ACTUATION)
-        return bool(off) or (0 <= group <= 30 and bool(model.opt.disableactuator >> group & 1))
-
-    def _drive(self, index: int, name: str) -> _Drive:
-        model, kinds = self._model, self._mujoco.mjtTrn
-        kind, target = int(model.actuator_trntype[index]), int(model.actuator_trnid[index, 0])
-        gear = float(model.actuator_gear[_address(model, 'out', index), 0])
-        joint, tendon = -1, -1
-        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-            joint = target
-        elif kind == kinds.mjTRN_TENDON:
-            tendon = target
-            first, many = int(model.tendon_adr[target]), int(model.tendon_num[target])
-            if many == 1:
-                joint, gear = int(model.wrap_objid[first]), gear * float(model.wrap_prm[first])
-        balls = self._mujoco.mjtJoint.mjJNT_BALL, self._mujoco.mjtJoint.mjJNT_FREE
-        if joint >= 0 and int(model.jnt_type[joint]) in balls:
-            joint = -1
-        rotor = float(getattr(model, 'actuator_armature', np.zeros(index + 1))[index])
-        if rotor and joint < 0 and tendon < 0:
-            raise InputError(
-                f'{self._source}: actuator {printable(name)!r} has armature behind a transmission '
-                'to no joint and no fixed tendon: its inertia is not known here'
-            )
-        low, high = sorted(gear * limit if gear else 0.0 for limit in self._forces(index))
-        own = str(model.actuator(index).name)
-        actuator = Actuator(
-            name=own or (self._joints[joint] if joint >= 0 else name),
-            joint=self._joints[joint] if joint >= 0 else '',
-            effort=(low, high) if gear else (-math.inf, math.inf),
-            armature=gear**2 * rotor,
-            damping=tuple(gear**2 * x for x in _polynomial(model, 'actuator_damping', index)),
-            lag=float(model.actuator_dynprm[index, 0]) if self._is_filter(index) else 0.0,
-            delay=float(getattr(model, 'actuator_delay', np.zeros(index + 1))[index]),
-        )
-        return _Drive(actuator, tendon, self._is_motor(index))
-
-    def _is_filter(self, index: int) -> bool:
-        kinds = self._mujoco.mjtDyn
-        filters = kinds.mjDYN_FILTER, kinds.mjDYN_FILTEREXACT
-        return int(self._model.actuator_dyntype[index]) in filters
-
-    def _is_force(self, index: int) -> bool:
-        """Whether the control or the activation is a force."""
-        model, mujoco = self._model, self._mujoco
-        return (
-            int(model.actuator_gaintype[index]) == mujoco.mjtGain.mjGAIN_FIXED
-            and int(model.actuator_biastype[index]) == mujoco.mjtBias.mjBIAS_NONE
-        )
-
-    def _is_motor(self, index: int) -> bool:
-        still = int(self._model.actuator_dyntype[index]) == self._mujoco.mjtDyn.mjDYN_NONE
-        return self._is_force(index) and (still or self._is_filter(index))
-
-    def _forces(self, index: int) -> tuple[float, float]:
-        """Least and greatest force before the gear."""
-        model, ranges = self._model, []
-        if model.actuator_forcelimited[index]:
-            ranges.append(model.actuator_forcerange[index])
-        gain, control = float(model.actuator_gainprm[index, 0]), _address(model, 'ctrl', index)
-        clamped = not model.opt.disableflags & int(self._mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
-        if self._is_motor(index) and model.actuator_ctrllimited[control] and clamped:
-            ranges.append(np.sort(gain * model.actuator_ctrlrange[control]))
-        if self._is_force(index) and model.actuator_actlimited[index]:
-            ranges.append(np.sort(gain * model.actuator_actrange[index]))
-        return (
-            max((float(each[0]) for each in ranges), default=-math.inf),
-            min((float(each[1]) for each in ranges), default=math.inf),
-        )
-
-
-def _address(model: Any, what: str, index: int) -> int:
-    """Where the numbers of an actuator stand; each has one of everything in old releases."""
-    addresses = getattr(model, f'actuator_{what}adr', None)
-    return index if addresses is None else int(addresses[index])
-
-
-def _of(names: Sequence[str], chosen: Iterable[int]) -> str:
-    return listed(names[i] for i in sorted(chosen))
-
-
-def _polynomial(model: Any, field: str, index: int) -> tuple[float, ...]:
-    """The coefficients of a force, up to the last that is not zero."""
-    higher = getattr(model, f'{field}poly', np.zeros((index + 1, 0)))[index]
-    whole = [*np.atleast_1d(getattr(model, field, np.zeros(index + 1))[index]), *higher]
-    return tuple(map(float, np.trim_zeros(whole, 'b')))
-
-
 def read(root: Node, source: str, merged: bool) -> Description:
     """A description from MJCF.
 
@@ -363,6 +225,14 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
     return _specified(robot_file.write_xml(root, merged), source, merged), doubts
 
 
+class _Drive(NamedTuple):
+    """An actuator of MuJoCo and what it acts on."""
+
+    actuator: Actuator  # with the name of a joint; empty: it drives no single one
+    tendon: int  # index of a fixed tendon that it pulls, or -1
+    motor: bool  # whether its control is a force
+
+
 class _Reading:
     """A compiled model on its way to a description."""
 
@@ -375,7 +245,7 @@ class _Reading:
     def description(self) -> Description:
         model = self._model
         loops, couplings = self._closures()
-        drives, pulling = _Drives(model, self._joints, self._source).read(self._doubts)
+        drives, pulling = self._drives()
         self._doubts += [*unread(model), *self._of_fluid(), *self._of_balls()]
         tendons = tuple(self._tendons(pulling))
         return Description(
@@ -391,6 +261,89 @@ class _Reading:
             gravity=np.zeros(3) if self._off('gravity') else np.array(model.opt.gravity),
             doubts=tuple(self._doubts),
         )
+
+    def _drives(self) -> tuple[list[Actuator], list[_Drive]]:
+        """What drives joints, and what pulls tendons that are of several joints."""
+        count = len(self._model.actuator_trntype)
+        names = [self._name(self._model.actuator(i), 'actuator', i) for i in range(count)]
+        off = [i for i in range(count) if self._is_off(i)]
+        drives = {i: self._drive(i, names[i]) for i in range(count) if i not in off}
+        driven = {i: drive for i, drive in drives.items() if drive.actuator.joint}
+        moved = {drive.actuator.joint for drive in driven.values() if drive.motor}
+        servos = [i for i, drive in driven.items() if not drive.motor]
+        beside = [i for i in servos if driven[i].actuator.joint in moved]
+        left = {
+            'actuators are switched off by the file': off,
+            'actuators that drive no single joint are left out': [*drives.keys() - driven.keys()],
+            'servos beside motors are left out': beside,
+            'servos are taken for motors, their gains left out': [*{*servos} - {*beside}],
+        }
+        for what, which in left.items():
+            if which:
+                own = (drives[i].actuator.name if i in drives else names[i] for i in sorted(which))
+                self._doubts.append(f'{what}: {listed(own)}')
+        found = [
+            drive.actuator._replace(effort=(0.0, 0.0)) if i in beside else drive.actuator
+            for i, drive in driven.items()
+        ]
+        return found, [each for i, each in drives.items() if i not in driven and each.tendon >= 0]
+
+    def _is_off(self, index: int) -> bool:
+        group, off = int(self._model.actuator_group[index]), self._model.opt.disableactuator
+        return self._off('actuation') or (0 <= group <= 30 and bool(off >> group & 1))
+
+    def _drive(self, index: int, name: str) -> _Drive:
+        model, kinds = self._model, self._mujoco.mjtTrn
+        kind, target = int(model.actuator_trntype[index]), int(model.actuator_trnid[index, 0])
+        gear = float(model.actuator_gear[_address(model, 'out', index), 0])
+        joint, tendon = -1, -1
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            joint = target
+        elif kind == kinds.mjTRN_TENDON:
+            tendon = target
+            first, many = int(model.tendon_adr[target]), int(model.tendon_num[target])
+            if many == 1:
+                joint, gear = int(model.wrap_objid[first]), gear * float(model.wrap_prm[first])
+        if joint >= 0 and self._kind(joint) not in (HINGE, SLIDE):
+            joint = -1
+        rotor = _value(model, 'actuator_armature', index)
+        if rotor and joint < 0 and tendon < 0:
+            raise InputError(
+                f'{self._source}: actuator {printable(name)!r} has armature behind a transmission '
+                'to no joint and no fixed tendon: its inertia is not known here'
+            )
+        dynamics, types = self._mujoco.mjtDyn, int(model.actuator_dyntype[index])
+        filtered = types in (dynamics.mjDYN_FILTER, dynamics.mjDYN_FILTEREXACT)
+        force = (  # whether the control or the activation is one
+            int(model.actuator_gaintype[index]) == self._mujoco.mjtGain.mjGAIN_FIXED
+            and int(model.actuator_biastype[index]) == self._mujoco.mjtBias.mjBIAS_NONE
+        )
+        motor = force and (types == dynamics.mjDYN_NONE or filtered)
+        least, most = self._forces(index, force, motor)
+        low, high = sorted(gear * limit if gear else 0.0 for limit in (least, most))
+        moved = self._joints[joint] if joint >= 0 else ''
+        actuator = Actuator(
+            name=str(model.actuator(index).name) or moved or name,
+            joint=moved,
+            effort=(low, high) if gear else UNLIMITED,
+            armature=gear**2 * rotor,
+            damping=tuple(gear**2 * x for x in _polynomial(model, 'actuator_damping', index)),
+            lag=float(model.actuator_dynprm[index, 0]) if filtered else 0.0,
+            delay=_value(model, 'actuator_delay', index),
+        )
+        return _Drive(actuator, tendon, motor)
+
+    def _forces(self, index: int, force: bool, motor: bool) -> Range:
+        """Least and greatest force before the gear."""
+        model, ranges = self._model, [np.array(UNLIMITED)]
+        if model.actuator_forcelimited[index]:
+            ranges.append(model.actuator_forcerange[index])
+        gain, control = float(model.actuator_gainprm[index, 0]), _address(model, 'ctrl', index)
+        if motor and model.actuator_ctrllimited[control] and not self._off('clampctrl'):
+            ranges.append(np.sort(gain * model.actuator_ctrlrange[control]))
+        if force and model.actuator_actlimited[index]:
+            ranges.append(np.sort(gain * model.actuator_actrange[index]))
+        return max(float(each[0]) for each in ranges), min(float(each[1]) for each in ranges)
 
     def _off(self, flag: str) -> bool:
         """Whether the file switches something off."""
@@ -521,8 +474,7 @@ class _Reading:
                 upper=float(upper),
                 damping=() if self._off('damper') else added(*dampings),
                 coulomb=coulomb,
-                armature=float(getattr(model, 'tendon_armature', np.zeros(i + 1))[i])
-                + sum(each.armature for each in own),
+                armature=_value(model, 'tendon_armature', i) + sum(each.armature for each in own),
                 stiffness=() if self._off('spring') else _polynomial(model, 'tendon_stiffness', i),
                 rest=(float(slack), float(stretched)),
             )
@@ -602,3 +554,21 @@ class _Reading:
                 self._mujoco.mju_mulQuat(turned, back, values[3:7])
             posture[name] = tuple(map(float, turned))
         return self._name(model.key(index), 'key', index), posture
+
+
+def _address(model: Any, what: str, index: int) -> int:
+    """Where the numbers of an actuator stand; each has one of everything in old releases."""
+    addresses = getattr(model, f'actuator_{what}adr', None)
+    return index if addresses is None else int(addresses[index])
+
+
+def _value(model: Any, field: str, index: int) -> float:
+    """A number that old releases do not have."""
+    return float(getattr(model, field)[index]) if hasattr(model, field) else 0.0
+
+
+def _polynomial(model: Any, field: str, index: int) -> Polynomial:
+    """The coefficients of a force, up to the last that is not zero."""
+    fields = (getattr(model, name, None) for name in (field, f'{field}poly'))
+    whole = [x for each in fields if each is not None for x in np.atleast_1d(each[index])]
+    return tuple(map(float, np.trim_zeros(whole, 'b')))

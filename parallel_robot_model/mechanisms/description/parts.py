@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
 from typing import Any, NamedTuple
 
@@ -124,6 +124,22 @@ class Description(NamedTuple):
     keyframes: dict[str, dict[str, float | tuple[float, ...]]]
     gravity: Array  # acceleration of gravity [m/s^2], shape (3,)
     doubts: tuple[str, ...]  # what was read in a way that its author may not expect
+
+
+def chain(parents: Sequence[int], first: int) -> list[int]:
+    """The indices from one on to that whose parent is WORLD."""
+    found = []
+    while first != WORLD:
+        found.append(first)
+        first = parents[first]
+    return found
+
+
+def held_by_loops(description: Description) -> set[int]:
+    """The bodies between what loops join."""
+    parents = [body.parent for body in description.bodies]
+    ends = ((loop.first.body, loop.second.body) for loop in description.loops)
+    return {body for a, b in ends for body in {*chain(parents, a)} ^ {*chain(parents, b)}}
 
 
 def added(*polynomials: Polynomial) -> Polynomial:

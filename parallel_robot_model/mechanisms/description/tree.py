@@ -20,6 +20,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     Description,
     Frame,
     Joint,
+    chain,
     independent,
     listed,
     null_space,
@@ -59,6 +60,10 @@ class Tree(NamedTuple):
     def on_link(self, frame: Frame) -> Frame:
         """A frame on a body as one on its link."""
         return frame if frame.body == WORLD else joined(self.hosts[frame.body], frame)
+
+    def path(self, link: int) -> list[int]:
+        """The links from one to the base."""
+        return chain([each.parent for each in self.links], link)
 
 
 class Places(NamedTuple):
