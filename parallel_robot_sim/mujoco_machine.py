@@ -20,7 +20,6 @@ from parallel_robot_model.mechanisms.description.machine import parsed, with_act
 from parallel_robot_model.mechanisms.description.mjcf import compiled, specification
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
-    SLIDE,
     WORLD,
     Description,
     Joint,
@@ -117,10 +116,11 @@ def built(
         spec.delete(part)
     balls = [joint for joint in description.joints if joint.kind == BALL]
     for joint in balls:
-        _make_single(spec, bodies[joint.body + 1], description)
+        _make_single(spec, bodies[joint.body + 1], joint, description)
     of_file = module.machine(parameters).mechanism
     for i, link in enumerate(tree.links):
-        if not _same(mechanism, of_file, i):
+        masses = ((m.mass[i], *m.centre[i], *m.inertia[i].flat) for m in (mechanism, of_file))
+        if len({*masses}) > 1:
             _load(bodies, tree, i, link.body, mechanism)
     spec.option.timestep = step
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
@@ -153,24 +153,22 @@ def built(
     return model, *_tool(mechanism, tree)
 
 
-def _make_single(spec: Any, body: Any, description: Description) -> None:
+def _make_single(spec: Any, body: Any, ball: Joint, description: Description) -> None:
     """Replace the ball of a body, or the joint that lets it float, by slides and hinges.
 
     A ball with a rotor stays.
     """
-    (ball,) = body.joints  # MuJoCo allows no other beside it
-    kinds, name, place = optional('mujoco').mjtJoint, ball.name, np.array(ball.pos)
-    rotor = ball.armature and ball.type == kinds.mjJNT_BALL
-    if rotor:
+    (drawn,) = body.joints  # MuJoCo allows no other beside it
+    kinds = optional('mujoco').mjtJoint
+    if ball.armature and drawn.type == kinds.mjJNT_BALL:
         return
-    spec.delete(ball)
-    single = {joint.name: joint for joint in description.joints if joint.kind == SLIDE}
-    for slide in slides_of(name):
-        if slide in single:
-            body.add_joint(name=slide, type=kinds.mjJNT_SLIDE, axis=single[slide].axis)
-            place = np.zeros(3)
+    spec.delete(drawn)
+    for joint in description.joints:
+        if joint.name in slides_of(ball.name):
+            body.add_joint(name=joint.name, type=kinds.mjJNT_SLIDE, axis=joint.axis)
     for axis, along in zip(AXES, np.eye(3), strict=True):
-        body.add_joint(name=f'{name}.{axis}', type=kinds.mjJNT_HINGE, axis=along, pos=place)
+        name = f'{ball.name}.{axis}'
+        body.add_joint(name=name, type=kinds.mjJNT_HINGE, axis=along, pos=ball.anchor)
 
 
 def _at_home(description: Description, tree: Tree, mechanism: Mechanism, ball: Joint) -> Rotation:
@@ -179,12 +177,6 @@ def _at_home(description: Description, tree: Tree, mechanism: Mechanism, ball: J
     parent = description.bodies[ball.body].parent
     above = np.eye(3) if parent == WORLD else tree.hosts[parent].rotation
     return Rotation.from_matrix(above.T @ mechanism.rotation[link])
-
-
-def _same(one: Mechanism, other: Mechanism, link: int) -> bool:
-    """Whether a link has the same masses in both."""
-    names = ('mass', 'centre', 'inertia')
-    return all(np.array_equal(getattr(one, x)[link], getattr(other, x)[link]) for x in names)
 
 
 def _load(bodies: dict[int, Any], tree: Tree, link: int, first: int, mechanism: Mechanism) -> None:
@@ -221,7 +213,7 @@ def _act(
     model.tendon_frictionloss[:] = 0.0
     for i, link in enumerate(tree.links):
         joint, at = joints[link.joint.name], model.dof_jntid[i]
-        single = joint.kind != BALL
+        single = joint.kind != BALL  # nothing acts in others
         _write(model, 'dof_damping', i, joint.damping if single else ())
         _write(model, 'jnt_stiffness', at, joint.stiffness if single else ())
         if single:
@@ -242,9 +234,7 @@ def _write(model: Any, field: str, index: int, values: Sequence[float]) -> None:
     getattr(model, field)[index] = sum(values[:1])
     if hasattr(model, f'{field}poly'):
         higher = getattr(model, f'{field}poly')[index]
-        higher[:] = 0.0
-        more = values[1:]
-        higher[: len(more)] = more
+        higher[:] = np.pad(values[1:], (0, len(higher)))[: len(higher)]
 
 
 def _tool(mechanism: Mechanism, tree: Tree) -> tuple[int, Array, Array]:

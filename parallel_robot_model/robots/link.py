@@ -10,10 +10,12 @@ import numpy as np
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.parts import HINGE, WORLD, Joint
+from parallel_robot_model.mechanisms.spatial import quaternion_product
 
 Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
 Moments = tuple[float, float, float, float, float, float]
 IDLE = Joint('', WORLD, HINGE, np.array([0.0, 0.0, 1.0]))  # nothing acts in it
+ENDLESS = (-1e3, 1e3)  # rad or m, ends of travel that are none
 TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as URDF calls them
 
 
@@ -36,7 +38,7 @@ class Link(NamedTuple):
     # axis of the joint in its own frame, a unit vector
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
     kind: str = TURNS  # TURNS, SLIDES or FIXED
-    travel: tuple[float, float] = (-1e3, 1e3)  # ends of travel [rad or m]
+    travel: tuple[float, float] = ENDLESS  # ends of travel [rad or m]
     acting: Joint = IDLE  # its friction, limits, rotor and spring
     follows: tuple[str, float, float] | None = None  # another joint, the ratio, the offset
 
@@ -83,14 +85,7 @@ def frames(links: Sequence[Link], positions: Array) -> tuple[Array, Array]:
     half = np.where(turns, positions, 0.0) / 2.0
     turned = np.concatenate([axes * np.sin(half)[:, np.newaxis], np.cos(half)[:, np.newaxis]], 1)
     shift = axes * np.where(slides, positions, 0.0)[:, np.newaxis]
-    return origins + _rotated(rotations, shift), _product(rotations, turned)
-
-
-def _product(first: Array, second: Array) -> Array:
-    """Products of quaternions, each shape (L, 4)."""
-    u, p, v, q = first[:, :3], first[:, 3:], second[:, :3], second[:, 3:]
-    vector = p * v + q * u + np.cross(u, v)
-    return np.concatenate([vector, p * q - np.sum(u * v, axis=1, keepdims=True)], axis=1)
+    return origins + _rotated(rotations, shift), quaternion_product(rotations, turned)
 
 
 def _rotated(quaternions: Array, vectors: Array) -> Array:

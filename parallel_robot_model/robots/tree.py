@@ -22,6 +22,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.link import (
+    ENDLESS,
     FIXED,
     TURNS,
     Beside,
@@ -87,7 +88,6 @@ def _tree(robot: RobotModel) -> Any:
 
 WIDTH = 0.012  # m, of the bars of the picture
 NOTHING = Beside()
-FAR = 1e3  # rad, an end of travel that is none
 COLOURS = {
     'proximal': (0.16, 0.32, 0.75),
     'distal': (0.40, 0.62, 0.90),
@@ -165,7 +165,7 @@ def _moments(link: Link) -> dict[str, str]:
 
 def _add_joint(robot: Element, link: Link) -> None:
     acting, ends = link.acting, link.travel
-    turns = 'revolute' if min(map(abs, ends)) < FAR else TURNS
+    turns = 'revolute' if min(map(abs, ends)) < ENDLESS[1] else TURNS
     joint = SubElement(
         robot, 'joint', name=link.joint, type=turns if link.kind == TURNS else link.kind
     )

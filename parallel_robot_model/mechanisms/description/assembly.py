@@ -16,7 +16,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     Description,
     Frame,
     Joint,
-    Loop,
     Tendon,
     null_space,
     rank,
@@ -63,24 +62,17 @@ class Equation(NamedTuple):
 
 def equations(description: Description, tree: Tree) -> tuple[Equation, ...]:
     """All equations of the loops and couplings of a description, redundant ones, too."""
-    found = [equation for loop in description.loops for equation in _of_loop(loop, tree)]
-    index = {link.name: i for i, link in enumerate(tree.links)}
-    for name, joint, other, ratio, offset in description.couplings:
-        second = Frame(index[other] if other else BASE)
-        found.append(
-            Equation(name, COUPLING, Frame(index[joint]), second, ratio=ratio, offset=offset)
-        )
-    return tuple(found)
-
-
-def _of_loop(loop: Loop, tree: Tree) -> list[Equation]:
-    first, second = tree.on_link(loop.first), tree.on_link(loop.second)
-    kinds = (POINT, TURN) if loop.turns else (POINT,)
-    return [
-        Equation(loop.name, kind, first, second, direction)
-        for kind in kinds
+    found = [
+        Equation(loop.name, kind, tree.on_link(loop.first), tree.on_link(loop.second), direction)
+        for loop in description.loops
+        for kind in ((POINT, TURN) if loop.turns else (POINT,))
         for direction in np.eye(3)
     ]
+    index = {link.name: Frame(i) for i, link in enumerate(tree.links)} | {'': Frame(BASE)}
+    for name, joint, other, ratio, offset in description.couplings:
+        ends = index[joint], index[other]
+        found.append(Equation(name, COUPLING, *ends, ratio=ratio, offset=offset))
+    return tuple(found)
 
 
 def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Array:
@@ -91,10 +83,8 @@ def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Arra
             other = 0.0 if second.body == BASE else q[second.body]
             missed.append(q[first.body] - offset - ratio * other)
             continue
-        (rotation, point), (other_rotation, other_point) = (
-            places.frame(first),
-            places.frame(second),
-        )
+        rotation, point = places.frame(first)
+        other_rotation, other_point = places.frame(second)
         if kind == POINT:
             missed.append(direction @ (point - other_point))
         else:
@@ -115,11 +105,6 @@ def jacobian(equations: tuple[Equation, ...], places: Places) -> Array:
         one, other = places.rates(first), places.rates(second)
         row[:] = direction @ (one[kind != POINT] - other[kind != POINT])
     return rows
-
-
-def missed(equations: tuple[Equation, ...], tree: Tree, q: Array) -> Array:
-    """Residuals at positions [rad or m], shape (R,)."""
-    return residuals(equations, place(tree, q), q)
 
 
 # What a machine moves: a frame of the description, and coordinates for its motion.
@@ -205,7 +190,7 @@ class Assembly(NamedTuple):
 
     def missed(self, q: Array) -> Array:
         """By how much positions miss each equation [m], angles times the length, shape (R,)."""
-        return np.abs(missed(self.equations, self.tree, q) / self.unit)
+        return np.abs(residuals(self.equations, place(self.tree, q), q) / self.unit)
 
     def gap(self, q: Array) -> float:
         """The greatest of them."""

@@ -6,7 +6,9 @@ bags, in exported laws and in config/machines. Others read it from there, withou
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
+import itertools
 import json
 import math
 import types
@@ -25,9 +27,10 @@ from parallel_robot_model.mechanisms.description.parts import (
     WORLD,
     Description,
     Frame,
+    leaves,
 )
 
-SQUARE = 'rotation', 'inertia'  # arrays of shape (3, 3), others are of shape (3,)
+SQUARE = '.rotation', '.inertia'  # arrays of shape (3, 3), others are of shape (3,)
 ORTHOGONAL = 1e-6  # by which axes and rotations may miss their unit length
 SAME = 1e-9  # relative to one, by which compilers may differ
 
@@ -71,15 +74,12 @@ def numbers_of(compiled: str, text: str, source: str) -> Description | None:
 
 def difference(one: Description, other: Description) -> float:
     """The greatest difference of numbers, relative to those above one; infinite: other parts."""
-    first, second = (list(_numbers(_plain(each._replace(source='')))) for each in (one, other))
-    if len(first) != len(second):
-        return math.inf
     apart = 0.0
-    for a, b in zip(first, second, strict=True):
-        if isinstance(a, str) or isinstance(b, str):
-            apart = max(apart, 0.0 if a == b else math.inf)
-        else:
-            apart = max(apart, abs(a - b) / max(1.0, abs(a)))
+    for a, b in itertools.zip_longest(leaves(one[1:]), leaves(other[1:])):  # but for the source
+        if isinstance(a, float) and isinstance(b, float):
+            apart = max(apart, abs(a - b) / max(1.0, abs(a)) if a != b else 0.0)
+        elif a != b:
+            return math.inf
     return apart
 
 
@@ -90,40 +90,26 @@ def _hash(text: str) -> str:
 def _plain(value: Any) -> Any:
     """A value as JSON can say it."""
     if hasattr(value, '_asdict'):
-        return {key: _plain(each) for key, each in value._asdict().items()}
-    if isinstance(value, np.ndarray):
-        return value.tolist()
+        value = value._asdict()
     if isinstance(value, dict):
         return {key: _plain(each) for key, each in value.items()}
     if isinstance(value, tuple):
         return [_plain(each) for each in value]
+    if isinstance(value, np.ndarray):
+        return value.tolist()
     return str(value) if isinstance(value, float) and math.isinf(value) else value
-
-
-def _numbers(value: Any) -> Iterator[float | str]:
-    """Numbers and names of a plain value, one after the other."""
-    if isinstance(value, dict):
-        value = [part for each in value.items() for part in each]
-    if isinstance(value, list):
-        for each in value:
-            yield from _numbers(each)
-    elif value in ('inf', '-inf') or not isinstance(value, str):
-        yield min(max(float(value), -1e300), 1e300)
-    else:
-        yield value
 
 
 def _typed(value: Any, kind: Any, where: str) -> Any:
     """A plain value as one of a kind; ValueError where it is none."""
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is types.UnionType:
-        kind = arguments[isinstance(value, list)]
-        return _typed(value, kind, where)
+        return _typed(value, arguments[isinstance(value, list)], where)
     if hasattr(kind, '_fields'):
-        hints = get_type_hints(kind)
         if not isinstance(value, dict) or value.keys() != set(kind._fields):
             raise ValueError(f'{where} must have {", ".join(kind._fields)}')
-        return kind(**{key: _typed(value[key], hints[key], f'{where}.{key}') for key in hints})
+        hints = get_type_hints(kind).items()
+        return kind(*(_typed(value[key], each, f'{where}.{key}') for key, each in hints))
     if origin is tuple:
         if not isinstance(value, list) or (arguments[-1] is not ... and len(value) != 2):
             raise ValueError(f'{where} must be a list')
@@ -131,19 +117,14 @@ def _typed(value: Any, kind: Any, where: str) -> Any:
     if origin is dict and isinstance(value, dict):
         return {key: _typed(each, arguments[1], f'{where}.{key}') for key, each in value.items()}
     if origin is np.ndarray:
-        shape = (3, 3) if where.rpartition('.')[2] in SQUARE else (3,)
-        try:
-            array = np.array(value, dtype=float)
-        except (TypeError, ValueError):
-            array = np.zeros(0)
-        if array.shape != shape:
-            raise ValueError(f'{where} must be numbers of shape {shape}')
-        return array
-    if kind is float and value in ('inf', '-inf'):
+        shape = (3, 3) if where.endswith(SQUARE) else (3,)
+        with contextlib.suppress(TypeError, ValueError):
+            if (array := np.array(value, dtype=float)).shape == shape:
+                return array
+        raise ValueError(f'{where} must be numbers of shape {shape}')
+    if kind is float and (value in ('inf', '-inf') or type(value) in (int, float)):
         return float(value)
-    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    if kind in (int, str, bool) and type(value) is kind:
+    if type(value) is kind:
         return value
     raise ValueError(f'{where} is {value!r}')
 
@@ -159,9 +140,9 @@ def _wrong(description: Description) -> Iterator[str]:
             yield f'joint {joint.name!r} has no body or kind'
         if abs(np.linalg.norm(joint.axis) - 1.0) > ORTHOGONAL:
             yield f'joint {joint.name!r} has an axis that is no unit vector'
-    ends = [end for loop in description.loops for end in (loop.first, loop.second)]
-    frames = [*ends, *description.frames.values()]
-    frames += [Frame(b.parent, b.rotation, b.position) for b in description.bodies]
+    frames = [end for loop in description.loops for end in (loop.first, loop.second)]
+    frames += description.frames.values()
+    frames += [Frame(body.parent, body.rotation) for body in description.bodies]
     for frame in frames:
         if not WORLD <= frame.body < bodies:
             yield 'a frame has no body'
@@ -171,5 +152,5 @@ def _wrong(description: Description) -> Iterator[str]:
     used += [each.joint for each in description.couplings]
     used += [name for tendon in description.tendons for name in tendon.ratios]
     used += [name for posture in description.keyframes.values() for name in posture]
-    for name in set(used) - names:
+    for name in sorted({*used} - names):
         yield f'there is no joint {name!r}'

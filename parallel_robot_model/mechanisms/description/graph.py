@@ -175,8 +175,8 @@ def left_out(root: Node) -> Iterator[str]:
     waiting = [root]
     for node in waiting:  # it grows
         here = f'of <{node.tag}>'
-        for key in {*node.keys()} - node.asked - {'name'}:
-            if not key.startswith('xmlns'):
+        for key in node.attrib:
+            if key not in (*node.asked, 'name') and not key.startswith('xmlns'):
                 lines[f'{printable(key)} {here}{_near(key, node.asked)}'].append(node.line)
         if node.text and TEXT not in node.asked:
             lines[f'the text {here}'].append(node.line)

@@ -143,15 +143,6 @@ def check_closed(source: str, parts: Assembly, closed: Array) -> None:
         )
 
 
-def idle(parts: Assembly, freedoms: Freedoms, stopped: list[int]) -> Iterator[str]:
-    """Which joints are held that the user does not hold."""
-    if names := [parts.tree.links[i].name for i in freedoms.held if i not in stopped]:
-        yield (
-            'held where they are at home, as nothing drives them: '
-            f'{", ".join(map(printable, names))}'
-        )
-
-
 def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) -> Iterator[str]:
     """What was decided about joints and home, one line each.
 
@@ -171,11 +162,8 @@ def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) ->
     if none := [links[i].name for i, (lower, upper) in ends.items() if lower >= upper]:
         yield f'travel without an extent is taken for none: {listed(none)}'
     yield from _of_units(parts, ends)
-    ends |= {
-        i: (links[i].joint.lower, links[i].joint.upper)
-        for i in freedoms.passive
-        if links[i].joint.kind != BALL
-    }
+    single = [i for i in freedoms.passive if links[i].joint.kind != BALL]
+    ends |= {i: (links[i].joint.lower, links[i].joint.upper) for i in single}
     out = [
         f'{links[i].name} at {parts.home[i]:.4g}'
         for i, (lower, upper) in ends.items()

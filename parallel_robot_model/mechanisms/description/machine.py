@@ -23,7 +23,7 @@ from parallel_robot_model.mechanisms.description.assembly import (
     with_spins,
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
-from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, idle, told
+from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, told
 from parallel_robot_model.mechanisms.description.home import (
     check_singular,
     close,
@@ -112,11 +112,8 @@ def doubtful(description: Description, tree: Tree) -> list[str]:
     Raises:
         InputError: a mass is negative, or an inertia is not positive.
     """
-    moving = [
-        body
-        for body, host in zip(description.bodies, tree.hosts, strict=True)
-        if host.body != BASE
-    ]
+    hosted = zip(description.bodies, tree.hosts, strict=True)
+    moving = [body for body, host in hosted if host.body != BASE]
     spots = [*(body.centre for body in moving), *(body.position for body in description.bodies)]
     size = max(float(np.linalg.norm(spot)) for spot in spots) if spots else 0.0
     doubts = [doubt for body in moving for doubt in _doubts(description.source, body, size)]
@@ -237,6 +234,7 @@ def _weak(parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array)
 
 MOST = 200  # joints
 NO_TOOL = 'robot.tool is not given; the tool taken is {}'
+IDLE = 'held where they are at home, as nothing drives them: {}'
 JOINTS_AS_POSE = (
     'the tool has not as many independent motions at home as there are actuated joints: the pose '
     'is these joints'
@@ -339,8 +337,9 @@ def machine(
     _check_felt(description, parts, freedoms, inertia)
     chosen, coordinates, planar = coordinates_of(motion @ followed(closures, freedoms))
     links = parts.tree.links
+    still = [names[i] for i in freedoms.held if i not in stopped]
     joints = [links[i].joint for i in freedoms.actuated]
-    times = [_times(description, joint.name) for joint in joints]
+    motors = [[m for m in description.actuators if m.joint == joint.name] for joint in joints]
     return Machine(
         mechanism=as_mechanism(description, parts, freedoms, inertia, chosen, mass_factor),
         names=names,
@@ -350,8 +349,8 @@ def machine(
         units=tuple('rad' if links[i].kind == HINGE else 'm' for i in freedoms.actuated),
         viscous=tuple(sum(joint.damping[:1]) for joint in joints),
         coulomb=tuple(joint.coulomb for joint in joints),
-        lag=tuple(lag for lag, _ in times),
-        delay=max((delay for _, delay in times), default=0.0),
+        lag=tuple(max((motor.lag for motor in own), default=0.0) for own in motors),
+        delay=max((motor.delay for own in motors for motor in own), default=0.0),
         lower=tuple(-np.inf if joint.lower >= joint.upper else joint.lower for joint in joints),
         upper=tuple(np.inf if joint.lower >= joint.upper else joint.upper for joint in joints),
         least_effort=tuple(joint.effort[0] for joint in joints),
@@ -371,7 +370,7 @@ def machine(
             *([] if tool else [NO_TOOL.format(printable(found.name))]),
             *([] if coordinates else [JOINTS_AS_POSE]),
             *([] if planar or chosen[:3] == (0, 1, 2) else [NO_PLACE]),
-            *idle(parts, freedoms, stopped),
+            *([IDLE.format(', '.join(map(printable, still)))] if still else []),
         ),
     )
 
@@ -398,22 +397,13 @@ def with_actuators(description: Description) -> Description:
     return description._replace(joints=tuple(joints.values()))
 
 
-def _times(description: Description, joint: str) -> tuple[float, float]:
-    """The greatest lag and delay of what drives a joint [s]."""
-    own = [(each.lag, each.delay) for each in description.actuators if each.joint == joint]
-    return max((lag for lag, _ in own), default=0.0), max((late for _, late in own), default=0.0)
-
-
 def _by_file(description: Description) -> Sequence[str]:
     """The joints that a file actuates, or that it must mean."""
     if description.actuators:
         return tuple(dict.fromkeys(actuator.joint for actuator in description.actuators))
-    following = {coupling.joint for coupling in description.couplings}
-    movable = [
-        joint.name
-        for joint in description.joints
-        if joint.kind != BALL and joint.name not in following | _floats(description)
-    ]
+    bound = {coupling.joint for coupling in description.couplings} | _floats(description)
+    single = (joint.name for joint in description.joints if joint.kind != BALL)
+    movable = [name for name in single if name not in bound]
     if description.loops:
         raise InputError(
             f'{description.source} names no actuators: name those joints in actuated that are '
@@ -479,7 +469,7 @@ def read(text: str, source: str = 'description') -> Description:
         InputError: the text is none of these, or the robot has what this suite does not know.
     """
     root, merged = parsed(text, source)
-    if root.tag != 'mujoco' and root.tag not in READERS:
+    if root.tag not in ('mujoco', *READERS):
         raise InputError(
             f'{source} begins with <{printable(root.tag)}>; the description of a robot begins '
             'with <mujoco>, <robot> or <sdf>'

@@ -53,35 +53,19 @@ DROPPED = {
     'extension', 'plugin',
 }  # fmt: skip
 REFERENCES = ('material', 'fitscale')  # of shapes to assets
+SWITCHED = {  # flags, and what is nothing where a file switches them off
+    'spring': (
+        'jnt_stiffness', 'jnt_stiffnesspoly', 'qpos_spring',
+        'tendon_stiffness', 'tendon_stiffnesspoly',
+    ),
+    'damper': ('dof_damping', 'dof_dampingpoly', 'tendon_damping', 'tendon_dampingpoly'),
+    'frictionloss': ('dof_frictionloss', 'tendon_frictionloss'),
+    'limit': ('jnt_limited', 'tendon_limited'),
+}  # fmt: skip
 CONSTRAINTS = 'equality', 'frictionloss', 'limit'  # that the solver makes, and one flag stops
 TORQUE_SCALE = 10  # where the numbers of a weld have it
 NAMES = {'name', 'class', 'childclass', 'model', 'joint', 'site', 'body', 'group'}
 COPIES = 1000  # of bodies that <replicate> may make
-
-
-def prepare(root: Node) -> list[str]:
-    """Remove from a tree of MJCF what has no part in masses and joints.
-
-    Args:
-        root: The element <mujoco>, which is changed.
-
-    Returns:
-        What was left out that moves a robot, for people.
-
-    Raises:
-        InputError: an element needs other files, or has no place in a robot.
-    """
-    doubts: list[str] = []
-    _prune(root, 1, doubts)
-    _drop_cables(root, doubts)
-    for compiler in root.iter('compiler'):
-        for key in ('balanceinertia', 'boundmass', 'boundinertia', 'settotalmass'):
-            if compiler.get(key, 'false') not in ('false', '0', '-1'):
-                doubts.append(f'the file asks for {key}, so its masses or inertias are changed')
-    last = Node('compiler', fusestatic='false', discardvisual='false')
-    last.append(Node('lengthrange', mode='none'))
-    root.append(last)
-    return doubts
 
 
 def _drop_cables(root: Node, doubts: list[str]) -> None:
@@ -128,16 +112,6 @@ def _prune(node: Node, copies: int, doubts: list[str]) -> None:
 # MuJoCo's compiler: MJCF made a model without files.
 
 
-def _specified(text: str, source: str, merged: bool) -> Any:
-    """The specification of a model, with no shapes but those that inertias need."""
-    mujoco = optional('mujoco')
-    with _naming(source, merged):
-        spec = mujoco.MjSpec.from_string(text)
-        for body in spec.bodies:
-            _need_no_meshes(mujoco, spec, body, source)
-    return spec
-
-
 def compiled(spec: Any, source: str, merged: bool) -> Any:
     """The model of a specification.
 
@@ -156,7 +130,9 @@ def _naming(source: str, merged: bool) -> Iterator[None]:
             warnings.simplefilter('ignore')  # of states and of contacts
             yield
     except (ValueError, optional('mujoco').FatalError) as error:
-        raise InputError(f'{source}: {_reason(str(error), merged)}') from None
+        text = re.sub(r'(XML )?Error: *', '', ' '.join(str(error).split()))
+        text = re.sub(r',? line \d+', '', text) if merged else text
+        raise InputError(f'{source}: {printable(text)}') from None
 
 
 def _need_no_meshes(mujoco: Any, spec: Any, body: Any, source: str) -> None:
@@ -188,12 +164,6 @@ def _moves(body: Any) -> bool:
     return False
 
 
-def _reason(text: str, merged: bool) -> str:
-    """What MuJoCo says, on one line."""
-    text = re.sub(r'(XML )?Error: *', '', ' '.join(text.split()))
-    return printable(re.sub(r',? line \d+', '', text) if merged else text)
-
-
 def read(root: Node, source: str, merged: bool) -> Description:
     """A description from MJCF.
 
@@ -219,10 +189,25 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
         merged: Whether it was made of several files.
 
     Raises:
-        InputError: MuJoCo is not installed or does not take the file.
+        InputError: MuJoCo is not installed or does not take the file, or an element needs other
+            files or has no place in a robot.
     """
-    doubts = prepare(root)
-    return _specified(robot_file.write_xml(root, merged), source, merged), doubts
+    doubts: list[str] = []
+    _prune(root, 1, doubts)
+    _drop_cables(root, doubts)
+    for compiler in root.iter('compiler'):
+        for key in ('balanceinertia', 'boundmass', 'boundinertia', 'settotalmass'):
+            if compiler.get(key, 'false') not in ('false', '0', '-1'):
+                doubts.append(f'the file asks for {key}, so its masses or inertias are changed')
+    last = Node('compiler', fusestatic='false', discardvisual='false')
+    last.append(Node('lengthrange', mode='none'))
+    root.append(last)
+    mujoco = optional('mujoco')
+    with _naming(source, merged):
+        spec = mujoco.MjSpec.from_string(robot_file.write_xml(root, merged))
+        for body in spec.bodies:
+            _need_no_meshes(mujoco, spec, body, source)
+    return spec, doubts
 
 
 class _Drive(NamedTuple):
@@ -241,6 +226,12 @@ class _Reading:
         self._mujoco = optional('mujoco')
         self._bodies = [self._name(model.body(i), 'body', i) for i in range(model.nbody)]
         self._joints = [self._name(model.joint(i), 'joint', i) for i in range(model.njnt)]
+        for flag, names in SWITCHED.items():
+            for name in names if self._off(flag) else ():
+                if hasattr(model, name):
+                    getattr(model, name)[:] = 0
+        if self._off('gravity') or (self._off('spring') and self._off('damper')):
+            model.body_gravcomp[:] = 0.0
 
     def description(self) -> Description:
         model = self._model
@@ -371,10 +362,10 @@ class _Reading:
                 continue
             dof = model.jnt_dofadr[i]
             found = {
-                'spring': 0.0 if self._off('spring') else model.jnt_stiffness[i],
-                'damping': 0.0 if self._off('damper') else model.dof_damping[dof],
-                'friction': 0.0 if self._off('frictionloss') else model.dof_frictionloss[dof],
-                'range': model.jnt_limited[i] and not self._off('limit'),
+                'spring': model.jnt_stiffness[i],
+                'damping': model.dof_damping[dof],
+                'friction': model.dof_frictionloss[dof],
+                'range': model.jnt_limited[i],
             }
             if left := [name for name, value in found.items() if value]:
                 yield f'{printable(self._joints[i])!r} is a ball: left out are its ' + ', '.join(
@@ -401,12 +392,8 @@ class _Reading:
             mass=float(model.body_mass[index]),
             centre=np.array(model.body_ipos[index]),
             inertia=(axes * model.body_inertia[index]) @ axes.T,
-            lifted=0.0 if self._lifts_nothing() else float(model.body_gravcomp[index]),
+            lifted=float(model.body_gravcomp[index]),
         )
-
-    def _lifts_nothing(self) -> bool:
-        """Whether gravcomp is off; MuJoCo leaves it out with springs and dampers, too."""
-        return self._off('gravity') or (self._off('spring') and self._off('damper'))
 
     def _kind(self, index: int) -> str:
         """Kind of a joint; that of a body that floats is empty."""
@@ -422,13 +409,10 @@ class _Reading:
         if not kind:
             yield from floating(name, body, self._matrix(model.body_quat[body + 1]))
             return
-        limited = model.jnt_limited[index] and not self._off('limit') and kind != BALL
-        lower, upper = model.jnt_range[index] if limited else UNLIMITED
-        least, greatest = (
-            model.jnt_actfrcrange[index] if model.jnt_actfrclimited[index] else UNLIMITED
-        )
         single = kind != BALL
-        spring = single and not self._off('spring')
+        limited, clamped = model.jnt_limited[index] and single, model.jnt_actfrclimited[index]
+        lower, upper = model.jnt_range[index] if limited else UNLIMITED
+        least, greatest = model.jnt_actfrcrange[index] if clamped else UNLIMITED
         yield Joint(
             name=name,
             body=body,
@@ -439,13 +423,11 @@ class _Reading:
             lower=float(lower),
             upper=float(upper),
             effort=(float(least), float(greatest)),
-            damping=()
-            if self._off('damper') or not single
-            else _polynomial(model, 'dof_damping', dof),
-            coulomb=0.0 if self._off('frictionloss') else float(model.dof_frictionloss[dof]),
+            damping=_polynomial(model, 'dof_damping', dof) if single else (),
+            coulomb=float(model.dof_frictionloss[dof]),
             armature=float(model.dof_armature[dof]),
-            stiffness=_polynomial(model, 'jnt_stiffness', index) if spring else (),
-            rest=float(model.qpos_spring[place]) if spring else 0.0,
+            stiffness=_polynomial(model, 'jnt_stiffness', index) if single else (),
+            rest=float(model.qpos_spring[place]) if single else 0.0,
         )
 
     def _tendons(self, pulling: Sequence[_Drive]) -> Iterator[Tendon]:
@@ -454,13 +436,12 @@ class _Reading:
         for i in range(model.ntendon):
             parts = range(model.tendon_adr[i], model.tendon_adr[i] + model.tendon_num[i])
             own = [each.actuator for each in pulling if each.tendon == i]
-            limited = model.tendon_limited[i] and not self._off('limit')
-            lower, upper = model.tendon_range[i] if limited else UNLIMITED
+            lower, upper = model.tendon_range[i] if model.tendon_limited[i] else UNLIMITED
             ratios: dict[str, float] = {}
             for part in parts:
                 name = self._joints[model.wrap_objid[part]]
                 ratios[name] = ratios.get(name, 0.0) + float(model.wrap_prm[part])
-            coulomb = 0.0 if self._off('frictionloss') else float(model.tendon_frictionloss[i])
+            coulomb = float(model.tendon_frictionloss[i])
             name = self._name(model.tendon(i), 'tendon', i)
             if coulomb and len(ratios) > 1:
                 what = f'friction of tendon {printable(name)!r} is left out'
@@ -475,7 +456,7 @@ class _Reading:
                 damping=() if self._off('damper') else added(*dampings),
                 coulomb=coulomb,
                 armature=_value(model, 'tendon_armature', i) + sum(each.armature for each in own),
-                stiffness=() if self._off('spring') else _polynomial(model, 'tendon_stiffness', i),
+                stiffness=_polynomial(model, 'tendon_stiffness', i),
                 rest=(float(slack), float(stretched)),
             )
 

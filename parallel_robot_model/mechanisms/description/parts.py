@@ -179,9 +179,19 @@ def listed(names: Iterable[str]) -> str:
     return ', '.join(map(printable, found[:FEW])) + more
 
 
-# Numbers of a description that no machine has.
+# Numbers of a description, and those that no machine has.
 
 LARGEST_NUMBER = 1e9  # kg, m, kg m^2 and so on
+LIMITS = ('lower', 'upper', 'effort', 'velocity')  # of parts, which may be infinite
+
+
+def leaves(value: Any) -> Iterator[float | str]:
+    """The numbers and texts in tuples, arrays and mappings, one after the other."""
+    if isinstance(value, (float, int, str)):
+        yield value
+    else:
+        for each in value.items() if isinstance(value, dict) else value:
+            yield from leaves(each)
 
 
 def check_bounds(description: Description) -> None:
@@ -190,8 +200,9 @@ def check_bounds(description: Description) -> None:
     Raises:
         InputError: there is one.
     """
-    for name, value in _numbers(description):
-        if not np.all(np.abs(np.asarray(value, dtype=float)) < LARGEST_NUMBER):
+    for name, part in _parts(description):
+        values = [value for value in leaves(part) if not isinstance(value, str)]
+        if not all(abs(value) < LARGEST_NUMBER for value in values):
             raise InputError(
                 f'{description.source}: {name} has a number that is not below {LARGEST_NUMBER:g}'
             )
@@ -203,32 +214,19 @@ def check_bounds(description: Description) -> None:
             )
 
 
-def _numbers(description: Description) -> Iterator[tuple[str, Any]]:
-    """What parts are called, and their numbers; limits may be infinite."""
-    for body in description.bodies:
-        yield from ((f'body {printable(body.name)!r}', value) for value in body[2:])
-    for joint in description.joints:
-        own = (
-            joint.axis, joint.anchor, joint.zero, joint.coulomb, joint.armature, joint.damping,
-            joint.stiffness, joint.rest,
-        )  # fmt: skip
-        yield from ((f'joint {printable(joint.name)!r}', value) for value in own)
-    for tendon in description.tendons:
-        for value in (tendon.damping, tendon.coulomb, tendon.armature, tendon.stiffness):
-            yield f'tendon {printable(tendon.name)!r}', value
-    for actuator in description.actuators:
-        for value in (actuator.armature, actuator.damping, actuator.lag, actuator.delay):
-            yield f'actuator {printable(actuator.name)!r}', value
-    for loop in description.loops:
-        for frame in (loop.first, loop.second):
-            yield f'loop {printable(loop.name)!r}', frame.position
-    for coupling in description.couplings:
-        yield f'coupling {printable(coupling.name)!r}', (coupling.ratio, coupling.offset)
-    for name, frame in description.frames.items():
-        yield f'frame {printable(name)!r}', frame.position
-    for name, posture in description.keyframes.items():
-        yield from ((f'keyframe {printable(name)!r}', value) for value in posture.values())
-    yield 'gravity', description.gravity
+def _parts(description: Description) -> Iterator[tuple[str, Any]]:
+    """What parts are called, and what they say but for limits."""
+    d = description
+    for kind, parts in (
+        ('body', d.bodies), ('joint', d.joints), ('tendon', d.tendons),
+        ('actuator', d.actuators), ('loop', d.loops), ('coupling', d.couplings),
+    ):  # fmt: skip
+        for part in parts:
+            said = {key: each for key, each in part._asdict().items() if key not in LIMITS}
+            yield f'{kind} {printable(part.name)!r}', said
+    for kind, named in (('frame', d.frames), ('keyframe', d.keyframes)):
+        yield from ((f'{kind} {printable(name)!r}', each) for name, each in named.items())
+    yield 'gravity', d.gravity
 
 
 # Independent rows of a matrix, chosen in the same way on every computer.

@@ -58,6 +58,11 @@ from parallel_robot_model.robots.described.shifting import loops, pose_slopes, s
 from parallel_robot_model.robots.described.tree import DescribedTree
 
 LINES = 'link'  # name of the only part of its picture
+TOO_NEAR = (  # a key of MotionLimits, and what is below it
+    ('min_closure', 'type 2 singularity, {} of the closure margin at home'),
+    ('min_tool', 'type 1 singularity, {} of the tool margin at home'),
+    ('min_travel', 'end of travel of a passive joint or a tendon, {} left'),
+)
 SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3}  # of a link
 
 
@@ -251,32 +256,13 @@ class DescribedRobot:
         """First samples of a motion out of reach, near a singularity or an end of travel."""
         unreached = np.flatnonzero(reference.out_of_reach >= 0)
         reached = slice(0, int(unreached[0]) if unreached.size else None)
-        closure, of_tool, left = reference.passive[reached].T
-        position = reference.position[reached]
         failures = [
-            first_sample(
-                closure < limits.min_closure,
-                closure,
-                'type 2 singularity, {} of the closure margin at home is below '
-                'trajectory.min_closure, {}',
-                limits.min_closure,
-            ),
-            first_sample(
-                of_tool < limits.min_tool,
-                of_tool,
-                'type 1 singularity, {} of the tool margin at home is below '
-                'trajectory.min_tool, {}',
-                limits.min_tool,
-            ),
-            self._at_an_end(robot, limits.min_travel, position),
-            first_sample(
-                left < limits.min_travel,
-                left,
-                'end of travel of a passive joint or a tendon, {} left is below '
-                'trajectory.min_travel, {}',
-                limits.min_travel,
-            ),
+            first_sample(values < least, values, f'{what} is below trajectory.{key}, {{}}', least)
+            for (key, what), values, least in zip(
+                TOO_NEAR, reference.passive[reached].T, limits, strict=True
+            )
         ]
+        failures.insert(2, self._at_an_end(robot, limits.min_travel, reference.position[reached]))
         if unreached.size:
             failures.append(Infeasible(int(unreached[0]), None, 'out of reach'))
         return [failure for failure in failures if failure is not None]

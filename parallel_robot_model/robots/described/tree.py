@@ -16,7 +16,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     WORLD,
     Description,
     Frame,
-    Joint,
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import Tree, build
@@ -26,6 +25,7 @@ from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.described.shifting import loops
 from parallel_robot_model.robots.link import (
+    ENDLESS,
     FIXED,
     SLIDES,
     TURNS,
@@ -71,28 +71,44 @@ class DescribedTree:
 
     def links(self, robot: Parameters, joints: tuple[str, ...]) -> tuple[Link, ...]:
         """Links with the names of the description; `joints` are those of the actuated ones."""
-        made, mechanism = self._robot.machine(robot), self._robot.mechanism(robot)
+        made, m = self._robot.machine(robot), self._robot.mechanism(robot)
         names, fixed, tree = self._named(robot)
-        given = dict(zip(mechanism.actuated.tolist(), joints, strict=True))
-        joint_names = [given.get(k, name) for k, name in enumerate(made.names)]
-        travel = zip(robot.lower, robot.upper, strict=True)
-        ends = dict(zip(mechanism.actuated.tolist(), travel, strict=True))
-        acting = _acting(made, mechanism, tree)
-        m = mechanism
+        joint_names = [*made.names]
+        acting = [
+            link.joint._replace(armature=float(rotor))
+            for link, rotor in zip(tree.links, m.armature, strict=True)
+        ]
+        ends = {}
+        for i, k in enumerate(m.actuated):  # with their motors
+            joint_names[k], ends[int(k)] = joints[i], (robot.lower[i], robot.upper[i])
+            acting[k] = acting[k]._replace(
+                effort=(-made.effort[i], made.effort[i]), velocity=made.velocity[i],
+                damping=(made.viscous[i],), coulomb=made.coulomb[i],
+            )  # fmt: skip
         follows = {
             int(m.first[k]): (joint_names[m.second[k]], float(m.ratio[k]), float(m.offset[k]))
             for k in np.flatnonzero((m.closure == COUPLING) & (m.second != BASE))
         }
         drawn = defaultdict(list)
-        for line in lines(mechanism):
+        for line in lines(m):
             if line.ends[0].tobytes() != line.ends[1].tobytes():  # of the way of a slide alone
                 drawn[line.link].append(tuple(map(_numbers, line.ends)))
         moving = [
-            _moving(mechanism, k, names, joint_names[k])._replace(
+            Link(
+                name=names[k],
+                parent=FRAME if m.parent[k] == BASE else names[m.parent[k]],
+                joint=joint_names[k],
+                origin=_numbers(m.origin[k]),
+                mass=float(m.mass[k]),
+                centre=_numbers(m.centre[k]),
+                inertia=_numbers(m.inertia[k][UPPER]),
                 lines=tuple(drawn[k]),
+                rotation=_quaternion(m.rotation[k]),
+                axis=_numbers(m.axis[k]),
+                kind=SLIDES if m.kind[k] == SLIDE else TURNS,
+                travel=ends.get(k, ENDLESS),
                 acting=acting[k],
                 follows=follows.get(k),
-                **({'travel': ends[k]} if k in ends else {}),
             )
             for k in range(len(names))
         ]
@@ -104,27 +120,23 @@ class DescribedTree:
         names, fixed, _ = self._named(robot)
         closures, turning = [], np.flatnonzero(m.closure == TURN)
         for k in (rows[0] for rows in loops(m)):
-            both = int(m.first[k]), int(m.second[k])
+            both = m.first[k], m.second[k]
             turns = [m.turned[i].T for i in turning if (m.first[i], m.second[i]) == both]
-            ends = [FRAME if end == BASE else names[end] for end in both]
+            first, second = (FRAME if end == BASE else names[end] for end in both)
             points = _numbers(m.first_point[k]), _numbers(m.second_point[k])
             rotation = _quaternion(turns[0]) if turns else None
-            closures.append(Closure((ends[0], ends[1]), points, rotation))
-        known = {*names, *(name for name, _ in fixed)}
+            closures.append(Closure((first, second), points, rotation))
         tool = Frame(m.tool, m.tool_rotation, m.tool_point)
-        new = made.tool in self._robot.description.frames and made.tool not in known
-        home = [
-            f'{name}={value:.9g}'
-            for name, value in zip(made.names, m.home, strict=True)
-            if abs(value) > NEAR
-        ]
-        unsaid = [f'robot.home: {", ".join(home)}'] if home else []
-        if made.tool in self._robot.description.frames:
-            unsaid.append(f'robot.tool: {made.tool}')
-        if robot.gravity != EARTH:
-            unsaid.append(f'robot.gravity: {[*robot.gravity]}')
-        if robot.held:
-            unsaid.append(f'robot.held: {[*robot.held]}')
+        named = made.tool in self._robot.description.frames
+        new = named and made.tool not in {*names, *(name for name, _ in fixed)}
+        positions = zip(made.names, m.home, strict=True)
+        keys = {
+            'home': ', '.join(f'{name}={x:.9g}' for name, x in positions if abs(x) > NEAR),
+            'tool': made.tool if named else '',
+            'gravity': [*robot.gravity] if robot.gravity != EARTH else '',
+            'held': [*robot.held],
+        }
+        unsaid = [f'robot.{key}: {value}' for key, value in keys.items() if value]
         unsaid += [f'{what}: {listed(of)}' for what, of in _unsaid(self._robot.description) if of]
         return Beside(
             tuple(closures), (_fixed(made.tool, tool, names),) if new else (), tuple(unsaid)
@@ -143,19 +155,6 @@ class DescribedTree:
         rows = np.reshape(position, (-1, position.shape[-1]))
         found, _ = positions_of(mechanism, rows)
         return found.reshape(*position.shape[:-1], -1)
-
-
-def _acting(made: Machine, m: Mechanism, tree: Tree) -> list[Joint]:
-    """The joint of each link, the actuated ones with their motors."""
-    found = [
-        link.joint._replace(armature=float(rotor))
-        for link, rotor in zip(tree.links, m.armature, strict=True)
-    ]
-    numbers = zip(m.actuated, made.effort, made.velocity, made.viscous, made.coulomb, strict=True)
-    for k, effort, rate, viscous, dry in numbers:
-        own = {'effort': (-effort, effort), 'velocity': rate, 'coulomb': dry}
-        found[k] = found[k]._replace(damping=(viscous,), **own)
-    return found
 
 
 def _unsaid(description: Description) -> Iterator[tuple[str, list[str]]]:
@@ -201,29 +200,13 @@ def _free(name: str, taken: set[str]) -> str:
     return name
 
 
-def _moving(mechanism: Mechanism, k: int, names: list[str], joint: str) -> Link:
-    parent = int(mechanism.parent[k])
-    return Link(
-        names[k],
-        FRAME if parent == BASE else names[parent],
-        joint,
-        _numbers(mechanism.origin[k]),
-        float(mechanism.mass[k]),
-        _numbers(mechanism.centre[k]),
-        _numbers(mechanism.inertia[k][UPPER]),
-        (),
-        _quaternion(mechanism.rotation[k]),
-        _numbers(mechanism.axis[k]),
-        SLIDES if mechanism.kind[k] == SLIDE else TURNS,
-    )
-
-
 def _fixed(name: str, host: Frame, names: list[str]) -> Link:
     """The frame of a body that no joint moves against its link."""
     parent = FRAME if host.body == WORLD else names[host.body]
-    nothing = 0.0, (0.0, 0.0, 0.0), 0.0, ()
-    link = Link(name, parent, f'{name}_fixed', _numbers(host.position), *nothing)
-    return link._replace(rotation=_quaternion(host.rotation), kind=FIXED)
+    return Link(
+        name, parent, f'{name}_fixed', _numbers(host.position), 0.0, (0.0, 0.0, 0.0), 0.0, (),
+        rotation=_quaternion(host.rotation), kind=FIXED,
+    )  # fmt: skip
 
 
 def _quaternion(rotation: Array) -> Any:
