@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
+from collections import defaultdict
 from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot_model.common.errors import UnknownNameError
+from parallel_robot_model.common.errors import UnknownNameError, printable
 from parallel_robot_model.common.units import Array, rounded
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,
     UNLIMITED,
+    WORLD,
     Description,
     Frame,
     Joint,
@@ -219,6 +222,106 @@ class Assembly(NamedTuple):
     def steps(self) -> Array:
         """What moves points of the machine by about its length, by joint, shape (N,)."""
         return np.array([1.0 if link.kind == HINGE else self.length for link in self.tree.links])
+
+
+# The tool of a machine whose user named none.
+
+WORDS = (
+    'tcp', 'tool', 'ee', 'eef', 'endeffector', 'end_effector', 'effector', 'attachment', 'flange',
+    'platform', 'gripper', 'hand', 'tip', 'fingertip', 'endpoint', 'nozzle', 'nacelle',
+)  # fmt: skip
+
+
+def guessed(description: Description, parts: Assembly, driven: list[int]) -> Tool:
+    """The frame with the name of a tool, else the platform, else the end of the chain.
+
+    The end is the only frame that is fixed to its last link away from the joint, if there is one.
+
+    Args:
+        description: The robot.
+        parts: Its links at home.
+        driven: Links that are actuated.
+    """
+    tree = parts.tree
+    closed = _tied(tree, [e for e in parts.equations if e.kind != COUPLING])
+    moving = {*closed, *driven, *_tied(tree, parts.equations)}
+    moved = {i for i in range(len(tree.links)) if moving.issuperset(tree.path(i))}
+    for word in WORDS:
+        pattern = re.compile(rf'(?:^|[\W_\d]){word}(?:$|[\W_\d])', re.IGNORECASE)
+        for name in sorted(description.frames, key=len):
+            host = tree.on_link(description.frames[name])
+            if host.body in moved and pattern.search(name):
+                return Tool(name, host)
+    if closed:
+        return _platform(description, parts, driven)
+    last = max(driven, key=lambda i: len(tree.path(i)), default=BASE)
+    hosts = {name: tree.on_link(frame) for name, frame in description.frames.items()}
+    away = [name for name, host in hosts.items() if host.body == last and host.position.any()]
+    return Tool(away[0], hosts[away[0]]) if len(away) == 1 else _origin(description, tree, last)
+
+
+def _tied(tree: Tree, equations: list[Equation] | tuple[Equation, ...]) -> set[int]:
+    """The links between what equations tie together."""
+    ends = ((each.first.body, each.second.body) for each in equations)
+    return {i for a, b in ends for i in {*tree.path(a)} ^ {*tree.path(b)}}
+
+
+def _platform(description: Description, parts: Assembly, driven: list[int]) -> Tool:
+    """The body with most freedoms; of several, where most chains meet, or a point of two."""
+    tree, free = parts.tree, null_space(parts.closures())
+    motion = free @ np.linalg.pinv(free[driven])
+    last = {link.body: i for i, link in enumerate(tree.links)}  # the last link of each body
+    freedoms = {body: rank(parts.motion_of(Frame(i)) @ motion) for body, i in last.items()}
+    best = [body for body, count in freedoms.items() if count == max(freedoms.values())]
+    neighbours = _neighbours(parts)
+    far = _far(neighbours)
+    body = max(best, key=lambda body: (len(neighbours[body]), far[body]))
+    points = [e for e in parts.equations if e.kind == POINT]
+    if len(best) > 1 and len(neighbours[body]) <= 2 and points:
+        first, second = points[0].first, points[0].second
+        point = first if first.body != BASE else second
+        return Tool(f'the point of {printable(points[0].name)}', point)
+    return _origin(description, tree, last[body])
+
+
+def _neighbours(parts: Assembly) -> dict[int, set[tuple[str, int]]]:
+    """The bodies that joints and loops tie to each body, or to WORLD, with their names."""
+    links = parts.tree.links
+    pairs = [
+        (equation.name, equation.first.body, equation.second.body)
+        for equation in parts.equations
+        if equation.kind != COUPLING
+    ]
+    pairs += [(link.joint.name, i, link.parent) for i, link in enumerate(links)]
+    found: dict[int, set[tuple[str, int]]] = defaultdict(set)
+    for name, *ends in pairs:
+        first, second = (links[i].body if i != BASE else WORLD for i in ends)
+        if first != second:
+            found[first].add((name, second))
+            found[second].add((name, first))
+    return found
+
+
+def _far(neighbours: dict[int, set[tuple[str, int]]]) -> dict[int, int]:
+    """How many joints and loops there are between each body and the world."""
+    far, reached = {WORLD: 0}, [WORLD]
+    for body in reached:  # it grows
+        for _, other in sorted(neighbours[body]):
+            if other not in far:
+                far[other] = far[body] + 1
+                reached.append(other)
+    return far
+
+
+def _origin(description: Description, tree: Tree, link: int) -> Tool:
+    """The body of a link, at its origin."""
+    if link == BASE:
+        return Tool('the base', Frame(BASE))
+    body = tree.links[link].body
+    return Tool(description.bodies[body].name, tree.on_link(Frame(body)))
+
+
+# A tree with its loops, ready to be moved; what it weighs.
 
 
 class Inertia(NamedTuple):

@@ -50,16 +50,18 @@ def written(text: str, compiler: str, description: Description) -> str:
 
 
 def numbers_of(compiled: str, text: str, source: str) -> Description | None:
-    """A description from its compiled numbers; None where they are those of another text.
+    """A description from its compiled numbers; None where there are none, or of another text.
 
     Args:
-        compiled: What :func:`written` made.
+        compiled: What :func:`written` made, or nothing.
         text: The text that it should be of.
         source: What the text is called in messages.
 
     Raises:
         InputError: it is no such JSON, or its numbers describe no machine.
     """
+    if not compiled:
+        return None
     try:
         found = _typed(plain_data.load(compiled, MOST_BYTES), Compiled, 'compiled')
         assert isinstance(found, Compiled)

@@ -18,18 +18,20 @@ from parallel_robot_model.mechanisms.description.assembly import (
     Inertia,
     as_mechanism,
     assembled,
+    guessed,
     named,
     rebased,
     with_spins,
 )
 from parallel_robot_model.mechanisms.description.assembly import coordinates as coordinates_of
-from parallel_robot_model.mechanisms.description.guesses import check_closed, guessed, told
 from parallel_robot_model.mechanisms.description.home import (
+    check_closed,
     check_singular,
     close,
     on_grid,
     polished,
     posture,
+    told,
 )
 from parallel_robot_model.mechanisms.description.parts import (
     BALL,

@@ -33,7 +33,6 @@ from parallel_robot_model.mechanisms.description.parts import (
     Range,
     Tendon,
     added,
-    floating,
     listed,
     slides_of,
 )
@@ -407,7 +406,10 @@ class _Reading:
         body = int(model.jnt_bodyid[index]) - 1
         dof, place = model.jnt_dofadr[index], model.jnt_qposadr[index]
         if not kind:
-            yield from floating(name, body, self._matrix(model.body_quat[body + 1]))
+            axes = self._matrix(model.body_quat[body + 1])  # of the world, seen from the body
+            for slide, axis in zip(slides_of(name), axes, strict=True):
+                yield Joint(slide, body, SLIDE, axis)
+            yield Joint(name, body, BALL, np.eye(3)[2])
             return
         single = kind != BALL
         limited, clamped = model.jnt_limited[index] and single, model.jnt_actfrclimited[index]
@@ -498,13 +500,13 @@ class _Reading:
         model, data = self._model, np.array(self._model.eq_data[index])
         first, second = int(model.eq_obj1id[index]), int(model.eq_obj2id[index])
         if int(model.eq_objtype[index]) == self._mujoco.mjtObj.mjOBJ_SITE:
-            return Loop(name, self._site(first), self._site(second), bool(turns))
+            return Loop(name, self._site(first), self._site(second), turns)
         if not weld:
             frames = Frame(first - 1, position=data[:3]), Frame(second - 1, position=data[3:6])
             return Loop(name, *frames, False)
         rotation = self._matrix(data[6:10] / np.linalg.norm(data[6:10]))
         at = Frame(first - 1, rotation, data[3:6])
-        return Loop(name, at, Frame(second - 1, position=data[:3]), bool(turns))
+        return Loop(name, at, Frame(second - 1, position=data[:3]), turns)
 
     def _site(self, index: int) -> Frame:
         model = self._model

@@ -152,21 +152,6 @@ def slides_of(name: str) -> tuple[str, ...]:
     return tuple(f'{name}.p{axis}' for axis in 'xyz')
 
 
-def floating(name: str, body: int, rotation: Array) -> tuple[Joint, ...]:
-    """Three slides and a ball, for a body that the world carries and that loops must hold.
-
-    Args:
-        name: What the file calls its joint.
-        body: Index of the body.
-        rotation: Its frame seen from the world, shape (3, 3).
-    """
-    slides = zip(slides_of(name), rotation, strict=True)  # the axes of the world, seen from it
-    return (
-        *(Joint(slide, body, SLIDE, np.array(axis)) for slide, axis in slides),
-        Joint(name, body, BALL, np.eye(3)[2]),
-    )
-
-
 # Names of parts of a robot in messages.
 
 FEW = 8  # names that a message lists

@@ -98,17 +98,22 @@ def _closing_edge(node: Node, links: Collection[str], doubts: Notes) -> Edge:
     """A joint that closes a loop, both ends of which have a place."""
     names, origins = [], []
     for tag in ENDS[str(node.tag)]:
-        end = child(node, tag)
-        name = '' if end is None else end.get('link', '')
-        if end is None or name not in links:
-            raise unknown(node, f'{tag} link', name)
-        place = child(end, 'origin') if node.tag == 'loop' else child(node, f'{tag}_origin')
-        names.append(name)
+        names.append(_link_of(node, tag, links))
+        of_loop = node.tag == 'loop'
+        place = child(child(node, tag), 'origin') if of_loop else child(node, f'{tag}_origin')
         origins.append(_origin(place, doubts))
     keys = ('axis',) if node.tag == 'loop' else ('parent_axis', 'child_axis')
     axes = [vector(child(node, key), 'xyz', X) for key in keys]
     how = steps(node, attribute(node, 'type').lower(), axes)
     return Edge(node, name_of(node), names[0], names[1], origins[0], origins[1], how)
+
+
+def _link_of(node: Node, tag: str, known: Collection[str]) -> str:
+    """The name of the link that an element in an element names."""
+    name = of_attribute(child(node, tag), 'link') or ''
+    if name not in known:
+        raise unknown(node, f'{tag} link', name)
+    return name
 
 
 def _gazebo_edges(robot: Node, edges: Sequence[Edge], roots: Sequence[str]) -> list[Edge]:
@@ -145,20 +150,12 @@ def _couplings(robot: Node, edges: Sequence[Edge]) -> list[Coupling]:
     above = {edge.child: edge for edge in edges if edge.node.tag == 'joint'}
     found = []
     for node in children(robot, 'coupling'):
-        sides = []
-        for tag in ENDS['loop']:
-            end = child(node, tag)
-            name = '' if end is None else end.get('link', '')
-            if name not in above:
-                raise unknown(node, f'{tag} link', name)
-            sides.append(_moving(above, name))
-        first, second = ([e for e in side if e not in other] for side, other in (
-            (sides[0], sides[1]), (sides[1], sides[0])
-        ))  # fmt: skip
+        one, other = ({*_moving(above, _link_of(node, tag, above))} for tag in ENDS['loop'])
+        first, second = one - other, other - one
         if len(first) != 1 or len(second) != 1:
             raise refused(node, 'must tie one joint to one other')
         ratio = number(child(node, 'ratio'), 'value', 1.0)
-        found.append(Coupling(name_of(node), second[0], first[0], ratio))
+        found.append(Coupling(name_of(node), second.pop(), first.pop(), ratio))
     return found
 
 
@@ -341,8 +338,7 @@ def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Bes
         for node in children(control, 'transmission'):  # from motors to joints
             hear(node)
         for node in children(control, 'joint'):
-            limits = found.commanded.setdefault(name_of(node), {})
-            limits |= _commanded(node)
+            found.commanded.setdefault(name_of(node), {}).update(_commanded(node))
     for node in children(robot, 'transmission'):
         node.get('type')
         of_element(node, 'type')

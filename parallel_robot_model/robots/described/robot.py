@@ -324,7 +324,7 @@ def default_values(values: Mapping[str, Any]) -> dict[str, Any]:
 @functools.lru_cache(maxsize=8)
 def description_of(text: str, compiled: str = '') -> Description:
     """A description, read once, of the numbers that its compiler made of it if they are known."""
-    known = numbers_of(compiled, text, 'description') if compiled else None
+    known = numbers_of(compiled, text, 'description')
     return read(text) if known is None else checked(known)
 
 
@@ -339,7 +339,7 @@ def compiled_of(text: str, compiled: str = '') -> str:
     Returns:
         Empty for a format that needs no compiler.
     """
-    if compiled and numbers_of(compiled, text, 'description') is not None:
+    if numbers_of(compiled, text, 'description') is not None:
         return compiled
     if parsed(text, 'description')[0].tag != 'mujoco':
         return ''
@@ -348,7 +348,7 @@ def compiled_of(text: str, compiled: str = '') -> str:
 
 def compiler_doubt(text: str, compiled: str) -> str:
     """That MuJoCo makes other numbers of a text than stand beside it; empty if it is not here."""
-    known = numbers_of(compiled, text, 'description') if compiled else None
+    known = numbers_of(compiled, text, 'description')
     if known is None or importlib.util.find_spec('mujoco') is None:
         return ''
     apart = difference(known, read(text))
