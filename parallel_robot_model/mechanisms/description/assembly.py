@@ -377,7 +377,9 @@ def assembled(description: Description, tree: Tree, at: Posture) -> Assembly:
     values = (0.0 if link.joint.kind == BALL else at[link.joint.name] for link in tree.links)
     home = np.array([value for value in values if not isinstance(value, tuple)])
     length = _length(tree, closing, home)
-    unit = [1.0 if _is_length(equation, tree) else 1.0 / length for equation in closing]
+    slides = [e.kind == COUPLING and tree.links[e.first.body].kind == SLIDE for e in closing]
+    lengths = (slide or e.kind == POINT for slide, e in zip(slides, closing, strict=True))
+    unit = [1.0 if each else 1.0 / length for each in lengths]
     return Assembly(tree, closing, Tool('', Frame(BASE)), home, length, np.array(unit))
 
 
@@ -392,11 +394,6 @@ def rebased(parts: Assembly, closed: Array) -> Assembly:
             links[i] = link._replace(rotation=turned)
             home[i : i + 3] = 0.0
     return parts._replace(tree=parts.tree._replace(links=tuple(links)), home=home)
-
-
-def _is_length(equation: Equation, tree: Tree) -> bool:
-    slides = equation.kind == COUPLING and tree.links[equation.first.body].kind == SLIDE
-    return slides or equation.kind == POINT
 
 
 def _length(tree: Tree, closing: tuple[Equation, ...], home: Array) -> float:

@@ -9,6 +9,7 @@ told by their names.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
@@ -37,26 +38,16 @@ opt.gravity opt.wind opt.density opt.viscosity opt.disableflags opt.disableactua
 # What does not move a robot that touches nothing: pictures, sensors, contacts, the solver, tables
 # that MuJoCo makes of the rest. `geom_*` count by the inertia that they give to bodies.
 INERT = """
-bvh_* oct_* cam_* exclude_* flex_* flexedge_* geom_* hfield_* light_* mat_* mesh_* name_* names
-names_map numeric_* pair_* paths sensor_* signature skin_* stat tex_* text_* tuple_* vis plugin*
-tree_* efm* B_* D_* M_* map* dof_solref dof_solimp dof_invweight0 dof_M0 dof_length dof_bodyid
-dof_jntid dof_parentid dof_treeid dof_Madr dof_simplenum
-body_rootid body_weldid body_jntnum body_jntadr body_dofnum body_dofadr body_treeid body_geomnum
-body_geomadr body_simple body_sameframe body_subtreemass body_invweight0 body_margin body_user
-body_contype body_conaffinity body_bvhadr body_bvhnum
-jnt_group jnt_plasticadr jnt_solref jnt_solimp jnt_margin jnt_user jnt_actuatorid
-eq_solref eq_solimp tendon_matid tendon_group tendon_plasticadr tendon_treenum tendon_treeid
-tendon_actfrcrange tendon_width tendon_solref_* tendon_solimp_* tendon_margin tendon_length0
-tendon_invweight0 tendon_user tendon_rgba tendon_actuatorid ten_J_* wrap_type
-actuator_ctrlnum actuator_ctrlspec actuator_outnum actuator_actadr actuator_actnum
-actuator_actearly actuator_history actuator_historyadr actuator_user actuator_acc0
-actuator_length0 actuator_lengthrange actuator_cranklength actuator_biasprm actuator_plugin
-site_group site_matid site_rgba site_sameframe site_size site_type site_user site_dataid
-key_time key_qvel key_act key_mpos key_mquat key_ctrl key_plastic opt n* flg_*
-opt.timestep opt.impratio opt.tolerance opt.ls_tolerance opt.noslip_tolerance opt.ccd_tolerance
-opt.sleep_tolerance opt.magnetic opt.o_* opt.integrator opt.cone opt.jacobian opt.solver
-opt.iterations opt.ls_iterations opt.noslip_iterations opt.ccd_iterations opt.enableflags
-opt.sdf_* opt.apirate
+n* *adr *num *_user *_group *_rgba *_matid *_margin *_sol[ri]* *_invweight0 *_length0
+bvh_* oct_* cam_* exclude_* flex_* flexedge_* geom_* hfield_* light_* mat_* mesh_* numeric_* pair_*
+paths sensor_* signature skin_* stat tex_* text_* tuple_* vis plugin* tree_* ten_J_* efm* B_* D_*
+M_* map* flg_* site_* key_* dof_M0 dof_length dof_bodyid dof_jntid dof_parentid dof_treeid
+body_rootid body_weldid body_treeid body_simple body_sameframe body_subtreemass body_contype
+body_conaffinity jnt_actuatorid tendon_treeid tendon_actfrcrange tendon_width tendon_actuatorid
+wrap_type actuator_ctrlspec actuator_actearly actuator_history actuator_acc0
+actuator_lengthrange actuator_cranklength actuator_biasprm actuator_plugin
+opt opt.timestep opt.impratio opt.*tolerance opt.magnetic opt.o_* opt.integrator opt.cone
+opt.jacobian opt.solver opt.*iterations opt.enableflags opt.sdf_* opt.apirate
 """
 
 # What is left out: the value that means nothing, and what people are told.
@@ -78,8 +69,10 @@ def unread(model: Any) -> Iterator[str]:
         if values is not None and len(found := np.flatnonzero(values != nothing)):
             part = getattr(model, PREFIXES[field.partition('_')[0]])
             yield text.format(listed(part(i).name or str(i) for i in found))
-    if unknown := sorted(set(fields(model)) - {name for name in fields(model) if _is_known(name)}):
-        yield f'fields that a newer MuJoCo has are not known: {listed(unknown)}'
+    known = (*READ.split(), *INERT.split(), *TOLD)
+    unknown = (name for name in fields(model) if not any(fnmatchcase(name, k) for k in known))
+    if names := sorted({*unknown}):
+        yield f'fields that a newer MuJoCo has are not known: {listed(names)}'
 
 
 def fields(model: Any) -> list[str]:
@@ -87,11 +80,3 @@ def fields(model: Any) -> list[str]:
     names = [name for name in dir(model) if not callable(getattr(model, name, None))]
     options = [f'opt.{name}' for name in dir(model.opt) if not callable(getattr(model.opt, name))]
     return [name for name in (*names, *options) if not name.rpartition('.')[2].startswith('_')]
-
-
-def _is_known(field: str) -> bool:
-    """Whether a field stands in the table."""
-    return field in TOLD or any(
-        field == name or (name.endswith('*') and field.startswith(name[:-1]))
-        for name in (*READ.split(), *INERT.split())
-    )

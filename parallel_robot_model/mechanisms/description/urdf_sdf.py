@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -66,7 +66,6 @@ from parallel_robot_model.mechanisms.description.tree import joined
 #     (2024), URDF+, arXiv 2411.19753. `closed_loop`: see `configuration.robot_file`. `joint` in
 #     `gazebo`: a joint as in SDF, see gazebosim.org, kinematic_loop.
 
-CLOSURE_TAGS = 'constraint', 'loop', 'coupling', 'closed_loop'
 ENDS = {'constraint': ('parent', 'child'), 'loop': ('predecessor', 'successor')}
 X = (1.0, 0.0, 0.0)  # the axis where none is written
 
@@ -215,8 +214,12 @@ def read_urdf(robot: Node, source: str) -> Description:
         gravity=np.array(GRAVITY),
     )
     check_held(found, edges)
-    alone = [name for name in roots if name != BASE]
-    return found._replace(doubts=tuple(_doubts(robot, alone, found, notes)))
+    lines = [f'{what}: {listed(names)}' for what, names in notes.items()]
+    if len(alone := [name for name in roots if name != BASE]) > 1:
+        lines.insert(0, f'links without a parent are fixed to the world: {listed(alone)}')
+    if not found.loops and (tips := [name for name in found.frames if CLOSING.search(name)]):
+        lines.append(f'nothing closes the loops that links are named after: {listed(tips)}')
+    return found._replace(doubts=(*lines, *left_out(robot)))
 
 
 def _origin(node: Node | None, notes: Notes) -> Frame:
@@ -409,17 +412,6 @@ def _actuators(robot: Node, joints: dict[str, Node], following: Collection[str])
     return [Actuator(name, name) for name in names]
 
 
-def _doubts(robot: Node, roots: list[str], found: Description, notes: Notes) -> Iterator[str]:
-    """What people should know of how the file was read."""
-    if len(roots) > 1:
-        yield f'links without a parent are fixed to the world: {listed(roots)}'
-    yield from (f'{what}: {listed(names)}' for what, names in notes.items())
-    ends = [name for name in found.frames if CLOSING.search(name)]
-    if ends and not found.loops:
-        yield f'nothing closes the loops that links are named after: {listed(ends)}'
-    yield from left_out(robot)
-
-
 # Where the links, joints and frames of an SDF model are, each relative to another.
 
 OWN = '__model__'  # the frame of the model
@@ -539,7 +531,9 @@ def read_sdf(root: Node, source: str) -> Description:
     world = child(root, 'world')
     model = _model(root if world is None else world, source)
     notes: Notes = defaultdict(list)
-    poses = Poses(model, _version(root) < AXES_IN_JOINTS)
+    words = root.get('version', '').split('.')  # by default the newest
+    old = all(map(str.isdecimal, words)) and tuple(map(int, words)) < AXES_IN_JOINTS
+    poses = Poses(model, old)
     poses.move(model, Poses(Node('world') if world is None else world, False))
     weightless = not is_true(of_element(model, 'gravity') or '1')
     nodes = unique(children(model, 'link')).values()
@@ -570,12 +564,6 @@ def read_sdf(root: Node, source: str) -> Description:
         gravity=gravity,
         doubts=(*doubts, *left_out(root)),
     )
-
-
-def _version(root: Node) -> tuple[int, ...]:
-    """The version of SDF, by default the newest."""
-    words = root.get('version', '').split('.')
-    return tuple(map(int, words)) if all(word.isdecimal() for word in words) else AXES_IN_JOINTS
 
 
 def _model(parent: Node, source: str) -> Node:

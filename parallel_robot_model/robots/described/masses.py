@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -112,13 +112,8 @@ def _second_moments(inertia: Any) -> Any:
 #     of virtual power.
 
 MOMENTS = {
-    'Ixx': (0, 0),
-    'Ixy': (0, 1),
-    'Ixz': (0, 2),
-    'Iyy': (1, 1),
-    'Iyz': (1, 2),
-    'Izz': (2, 2),
-}
+    'Ixx': (0, 0), 'Ixy': (0, 1), 'Ixz': (0, 2), 'Iyy': (1, 1), 'Iyz': (1, 2), 'Izz': (2, 2),
+}  # fmt: skip
 SAMPLES = 1000  # at once, which bounds the memory
 
 
@@ -141,57 +136,40 @@ class LinearMachine:
 
     def units(self, robot: Parameters) -> dict[str, str]:
         """Names with units: moments of all links, centres, masses, rotors."""
-        made = self._machine(robot)
-        names = [printable(made.names[i]) for i in self._links(robot)]
-        rotors = [
-            (printable(made.names[i]), 'kg m^2' if made.mechanism.kind[i] == HINGE else 'kg')
-            for i in self._rotors(robot)
-        ]
-        return {
-            **{f'{key}[{name}]': 'kg m^2' for name in names for key in MOMENTS},
-            **{f'm{axis}[{name}]': 'kg m' for name in names for axis in 'xyz'},
-            **{f'm[{name}]': 'kg' for name in names},
-            **{f'rotor[{name}]': unit for name, unit in rotors},
-            **dict.fromkeys(self._passive(robot), ''),
-        }
+        return {name: unit for names, *_ in self._parts(robot) for name, unit in names.items()}
 
     def values(self, robot: Parameters) -> Array:
         """These numbers, shape (P,)."""
-        links, found = self._links(robot), masses(self._machine(robot).mechanism, robot)
-        moments = [found.inertia[links, a, b] for a, b in MOMENTS.values()]
-        return np.concatenate(
-            [
-                np.stack(moments, axis=1).ravel(),
-                found.moment[links].ravel(),
-                found.mass[links],
-                found.armature[self._rotors(robot)],
-                np.ones(len(self._passive(robot))),
-            ]
-        )
+        return np.concatenate([values for _, values, _ in self._parts(robot)])
 
     def sizes(self, robot: Parameters) -> Array:
         """Magnitudes, to which errors are compared also where a number is zero, shape (P,)."""
-        links, found = self._links(robot), masses(self._machine(robot).mechanism, robot)
-        moment = 0.5 * np.trace(found.inertia[links], axis1=1, axis2=2)
-        arm = np.sqrt(moment * found.mass[links])
-        rotors = found.armature[self._rotors(robot)]
-        return np.concatenate(
-            [
-                np.repeat(moment, len(MOMENTS)),
-                np.repeat(arm, 3),
-                found.mass[links],
-                rotors,
-                np.ones(len(self._passive(robot))),
-            ]
-        )
+        return np.concatenate([sizes for *_, sizes in self._parts(robot)])
+
+    def _parts(self, robot: Parameters) -> Iterator[tuple[dict[str, str], Array, Array]]:
+        """Names with units, numbers and their magnitudes, those of a kind together."""
+        made, links, rotors = self._machine(robot), self._links(robot), self._rotors(robot)
+        found, names = masses(made.mechanism, robot), [printable(made.names[i]) for i in links]
+        mass, inertia = found.mass[links], found.inertia[links]
+        size = 0.5 * np.trace(inertia, axis1=1, axis2=2)
+        moments = np.stack([inertia[:, a, b] for a, b in MOMENTS.values()], axis=1).ravel()
+        keys = {f'{key}[{name}]': 'kg m^2' for name in names for key in MOMENTS}
+        yield keys, moments, np.repeat(size, len(MOMENTS))
+        keys = {f'm{axis}[{name}]': 'kg m' for name in names for axis in 'xyz'}
+        yield keys, found.moment[links].ravel(), np.repeat(np.sqrt(size * mass), 3)
+        yield {f'm[{name}]': 'kg' for name in names}, mass, mass
+        kinds = made.mechanism.kind
+        units = {i: 'kg m^2' if kinds[i] == HINGE else 'kg' for i in rotors}
+        keys = {f'rotor[{printable(made.names[i])}]': unit for i, unit in units.items()}
+        yield keys, found.armature[rotors], found.armature[rotors]
+        share = dict.fromkeys(self._passive(robot), '')
+        yield share, np.ones(len(share)), np.ones(len(share))
 
     def free(self, robot: Parameters) -> dict[str, tuple[float, float]]:
         """Masses are positive, their centres within a length of the machine."""
         length = self._machine(robot).mechanism.length
-        positive = dict.fromkeys(
-            ('mass_factor', 'spread_factor', 'armature', 'payload'), (0.0, np.inf)
-        )
-        return {**positive, 'centre_shift': (-length, length)}
+        positive = 'mass_factor', 'spread_factor', 'armature', 'payload'
+        return dict.fromkeys(positive, (0.0, np.inf)) | {'centre_shift': (-length, length)}
 
     def regressor(
         self, robot: Parameters, pose: Array, position: Array, velocity: Array, acceleration: Array
