@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from mjcf_features import free_platform
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import verification
@@ -131,6 +132,17 @@ def test_wrong_words_cost_one_line(words, wanted, capsys):
     assert verify('--set', *words) == 2
     error = capsys.readouterr().err
     assert wanted in error and error.count('\n') == 1
+
+
+def test_a_body_that_floats_by_a_joint_without_a_name_has_the_joints_of_the_suite(tmp_path):
+    path = tmp_path / 'plate.xml'
+    path.write_text(free_platform())
+    values = resolve('paper_circle', {'robot_model': str(path), 'plant.engine': 'mujoco'})
+    assert '<freejoint/>' in values['robot_description']
+    robot = robot_of(values)
+    machine = robot.module.machine(robot.parameters)
+    model, *_ = built(robot.module, robot.parameters, [0.0] * len(machine.actuated), 1e-4)
+    assert tuple(model.joint(i).name for i in range(model.njnt)) == machine.names
 
 
 def test_what_mujoco_cannot_read_is_refused(tmp_path):

@@ -160,7 +160,14 @@ def _check_felt(
     description: Description, parts: Assembly, freedoms: Freedoms, inertia: Inertia
 ) -> None:
     """Refuse a machine with a motion that nothing with a mass takes part in."""
-    matrix = felt(parts, freedoms, inertia)
+    places = place(parts.tree, parts.home)
+    whole = np.diag([link.joint.armature for link in parts.tree.links])
+    for i, mass in enumerate(inertia.mass):
+        rate, turning = places.rates(Frame(i, position=inertia.centre[i]))
+        turned = places.rotation[i] @ inertia.inertia[i] @ places.rotation[i].T
+        whole = whole + mass * rate.T @ rate + turning.T @ turned @ turning
+    motion = followed(parts.closures(scaled=False), freedoms)
+    matrix = motion.T @ whole @ motion  # in the actuated joints at home [kg m^2 or kg]
     own = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scaled = matrix / np.outer(own, own) if own.all() else np.diag(own)
     sizes, motions = np.linalg.eigh(scaled)
@@ -173,18 +180,6 @@ def _check_felt(
             f'{description.source}: nothing with a mass moves with joint {listed(names)}: the '
             f'inertia matrix is not positive definite{"".join(hints)}'
         )
-
-
-def felt(parts: Assembly, freedoms: Freedoms, inertia: Inertia) -> Array:
-    """Inertia matrix in the actuated joints at home [kg m^2 or kg], shape (n, n)."""
-    places = place(parts.tree, parts.home)
-    whole = np.diag([link.joint.armature for link in parts.tree.links])
-    for i, mass in enumerate(inertia.mass):
-        rate, turning = places.rates(Frame(i, position=inertia.centre[i]))
-        turned = places.rotation[i] @ inertia.inertia[i] @ places.rotation[i].T
-        whole = whole + mass * rate.T @ rate + turning.T @ turned @ turning
-    motion = followed(parts.closures(scaled=False), freedoms)
-    return np.asarray(motion.T @ whole @ motion)
 
 
 FEW = 0.1  # of the radius of gyration of a link: its centre of mass is on the axis of its spin
