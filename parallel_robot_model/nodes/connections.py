@@ -304,8 +304,10 @@ def _agreed(
 
     Those that come first among them are waited for, so that two never take that of each other.
     """
+    there = node.get_node_names_and_namespaces()
     for name, client in others.items():
-        first = node.get_name() not in ASKED[: ASKED.index(name)] and name in node.get_node_names()
+        before = node.get_name() not in ASKED[: ASKED.index(name)]
+        first = before and (name, node.get_namespace()) in there
         end = time.monotonic() + PATIENCE
         while first and not client.service_is_ready() and time.monotonic() < end:
             executor.spin_once(timeout_sec=LOOK)
