@@ -96,6 +96,11 @@ JUDGED_EACH = 20  # trials without improvement for each gain that is varied
 FEWEST_TRIALS = 120
 
 
+def patience_for(gains: int) -> int:
+    """How many trials without improvement a search of so many gains takes to converge."""
+    return max(FEWEST_TRIALS, JUDGED_EACH * gains)
+
+
 @dataclass(frozen=True)
 class Rule:
     """When a search has converged."""

@@ -100,8 +100,7 @@ class Asked:
         """
         patience = self.patience
         if patience is None:
-            least = trial.JUDGED_EACH * len(tuning.space.varied)
-            patience = max(trial.FEWEST_TRIALS, least)
+            patience = trial.patience_for(len(tuning.space.varied))
         patience = check('--patience', int, Field('', '', 1, MOST_TRIALS), patience)
         percent = check('--improvement', float, Field('%', '', 0.0, 100.0), self.improvement)
         return trial.Rule(patience, percent / 100.0)
