@@ -10,9 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.approach import BACK
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, When
+from parallel_robot_control.cycle import When, before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.joint_states import StateRhythm
@@ -30,7 +29,7 @@ from parallel_robot_control.reference_buffer import (
     reference_at,
 )
 from parallel_robot_control.safety import faults, limiting
-from parallel_robot_control.safety.limiting import OVERDUE, QUIET, Last
+from parallel_robot_control.safety.limiting import OVERDUE, QUIET
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
 from parallel_robot_model.configuration.loop import OLDEST
@@ -209,7 +208,7 @@ def _open(
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
-    before, last, fault = numbers[LAST], state.last, state.fault
+    before, last = numbers[LAST], state.last
     code, lookup, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
@@ -252,14 +251,12 @@ def _open(
         if lookup == MISSING:
             code = NO_REFERENCE
     if code == ANSWERED:
-        held, excess, begins = state.held, state.excess, state.begins
-        torque, takes_over = last.torque, last.takes_over
+        torque, cause = last.torque, faults.NONE
         gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
-        if fault == faults.NONE and (gap or lookup == TOO_OLD):
-            fault = select(gap, faults.STATES_STALE, faults.REFERENCE_STALE)
-            held = last.position
         if gap:
-            torque = np.zeros_like(row)
+            torque, cause = np.zeros_like(row), faults.STATES_STALE
+        elif lookup == TOO_OLD:
+            cause = faults.REFERENCE_STALE
         write_row(common.measured, 0, position)
         write_row(common.measured, 1, velocity)
         write_row(common.measured, 2, applied)
@@ -272,20 +269,9 @@ def _open(
             dt = (stamp - before) / NANOSECONDS
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             torque, joins = applied, True
-        if joins:  # see controller_state.joining
-            excess, takes_over, begins = np.zeros_like(row), True, BACK
         numbers[WAITS] = overdue
         numbers[LAST] = stamp
-        common.state = CycleState(
-            state.pose,
-            Last(last.position, last.reference, torque, last.offset, takes_over, last.known),
-            excess,
-            held,
-            fault,
-            state.estimated,
-            begins,
-            state.lost,
-        )
+        common.state = before_cycle(state, torque, cause, joins)
     stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
     return Question(code, stamps, reference, position, velocity, effort, dt)
 

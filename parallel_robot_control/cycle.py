@@ -119,6 +119,34 @@ def taking_over(last: Last, effort: Array) -> Last:
     return Last(last.position, last.reference, torque, zero, True, last.known)
 
 
+@inner
+def before_cycle(state: CycleState, torque: Array, cause: int, joins: bool) -> CycleState:
+    """The state with which a cycle begins.
+
+    Args:
+        state: State after the cycle before.
+        torque: Torque that acts [N m], shape (n,).
+        cause: STATES_STALE or REFERENCE_STALE if one of them stayed away for too long, else NONE.
+        joins: Whether the law begins anew, see controller_state.joining.
+    """
+    last, fault, held = state.last, state.fault, state.held
+    excess, takes_over, begins = state.excess, last.takes_over, state.begins
+    if fault == faults.NONE and cause != faults.NONE:
+        fault, held = cause, last.position
+    if joins:
+        excess, takes_over, begins = np.zeros_like(excess), True, BACK
+    return CycleState(
+        state.pose,
+        Last(last.position, last.reference, torque, last.offset, takes_over, last.known),
+        excess,
+        held,
+        fault,
+        state.estimated,
+        begins,
+        state.lost,
+    )
+
+
 @kernel
 def run_cycle(
     setup: ControlSetup,

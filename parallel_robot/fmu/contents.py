@@ -73,7 +73,7 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
             f'see vectors in docs/robots.md{instead}',
             'law',
         )
-    root = law_instance(assembled, loop.period)
+    root = law_instance(assembled, loop.period, configuration.safety.state_timeout)
     instance: LawInstance = root.value
     values: Any = instance.values
     rows = Rows(int(values), loop.joints, robot.joint_units)
@@ -98,6 +98,15 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
         Variable(
             'age', 'input', 'real', 'from the measurement to the moment at which the torque acts',
             's', 0.0, address=last + WORD * kernels.AGE,
+        ),
+        Variable(
+            'elapsed', 'input', 'real', 'time since the state before: more than 1.5 periods '
+            'where states are missing', 's', 0.0, address=last + WORD * kernels.ELAPSED,
+        ),
+        Variable(
+            'reference_age', 'input', 'real', 'how long ago the reference was told, which is '
+            'carried to the moment of the state', 's', 0.0,
+            address=last + WORD * kernels.REFERENCE_AGE,
         ),
         Variable(
             'effort_known', 'parameter', 'boolean', 'whether effort is measured', '', 0.0, 0.0,
@@ -135,6 +144,11 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
                 configuration.safety, 'safety', assembled.setup.limits, limits, robot.joint_units
             )
             if each.name not in OF_NODES
+        ),
+        Variable(
+            'safety.state_timeout', 'parameter', 'real', 'time without joint states that is a '
+            'fault', 's', configuration.safety.state_timeout, 1e-3,
+            address=last + WORD * kernels.STATE_TIMEOUT,
         ),
         *of_group(
             ZeroAngles(configuration.estimator.zero_angle), ESTIMATOR, estimator,

@@ -6,10 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.approach import BACK
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, When, run_cycle, taking_over
+from parallel_robot_control.cycle import CycleState, When, before_cycle, run_cycle
+from parallel_robot_control.safety.faults import NONE, STATES_STALE
+from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Boxed,
@@ -37,8 +38,13 @@ POSITION, VELOCITY, EFFORT, REFERENCE, TORQUE = 0, 1, 2, 3, 6
 SLIDING_VARIABLE, COUPLED_ERROR = 7, 8
 ROWS = 9  # the reference has three
 # and numbers behind them.
-AGE, EFFORT_KNOWN, JOINS, SAMPLE, FAULT, CAUSE, ACTED = range(7)
-NUMBERS = 7
+(
+    AGE, EFFORT_KNOWN, JOINS, SAMPLE, FAULT, CAUSE, ACTED, ELAPSED, STATE_TIMEOUT, REFERENCE_AGE,
+    WAITS,
+) = range(11)  # fmt: skip
+NUMBERS = 11
+FOREVER = 1e9  # s
+PAUSE = 1.5  # periods from a state to the next, above which states between them are missing
 
 
 class LawInstance(NamedTuple):
@@ -51,17 +57,19 @@ class LawInstance(NamedTuple):
     period: float  # time between states [s]
 
 
-def law_instance(control: Control, period: float) -> Boxed:
+def law_instance(control: Control, period: float, state_timeout: float) -> Boxed:
     """A controller before its first state, boxed.
 
     Args:
         control: The controller; its law has an empty memory.
         period: Time between states [s].
+        state_timeout: Time without states that is a fault [s].
     """
     control.law.memory.begin()
     joints = len(control.state.held)
     values = Space(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault
+    values.floats[ROWS * joints + STATE_TIMEOUT] = state_timeout
     return Boxed(
         LawInstance(control.setup, KeptValue(control.state), control.state, values, period)
     )
@@ -86,27 +94,25 @@ def answer_state(instance: LawInstance) -> int:
     )
     known = read_at(values, first + EFFORT_KNOWN, 0.0) != 0.0
     effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
-    sample = int(read_at(values, first + SAMPLE, 0.0))
-    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # see controller_state.joining
-        last = taking_over(state.last, effort)
-        state = CycleState(
-            state.pose,
-            last,
-            state.excess,
-            state.held,
-            state.fault,
-            state.estimated,
-            BACK,
-            state.lost,
-        )
+    sample, dt = int(read_at(values, first + SAMPLE, 0.0)), instance.period
+    elapsed = min(read_at(values, first + ELAPSED, 0.0), FOREVER)
+    torque, cause = state.last.torque, NONE
+    overdue = read_at(values, first + REFERENCE_AGE, 0.0) > OVERDUE
+    joins = read_at(values, first + WAITS, 0.0) != 0.0 and not overdue
+    if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # it goes on from what acts
+        torque, joins = select(effort - effort == 0.0, effort, torque), True
+    if sample > 0 and elapsed > PAUSE * dt:
+        sample, dt = sample + int(elapsed / dt + 0.5) - 1, elapsed
+        if elapsed > read_at(values, first + STATE_TIMEOUT, 0.0):
+            torque, cause = np.zeros_like(row), STATES_STALE
     cycle = run_cycle(
         instance.setup,
         desired,
         read_at(values, POSITION, row),
         read_at(values, VELOCITY, row),
         effort,
-        state,
-        When(sample, read_at(values, first + AGE, 0.0), instance.period),
+        before_cycle(state, torque, cause, joins),
+        When(sample, read_at(values, first + AGE, 0.0), dt),
     )
     propose(instance.state, cycle.state, instance.like)
     keep(instance.state)
@@ -114,6 +120,7 @@ def answer_state(instance: LawInstance) -> int:
     write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
     write_at(values, COUPLED_ERROR, cycle.coupled_error)
     write_at(values, first + SAMPLE, float(sample + 1))
+    write_at(values, first + WAITS, select(overdue, 1.0, 0.0))
     write_at(values, first + FAULT, float(cycle.state.fault))
     write_at(values, first + CAUSE, float(cycle.cause))
     write_at(values, first + ACTED, float(cycle.acted))
