@@ -91,6 +91,7 @@ MODES = {  # words of each command, by what changes which options have a meaning
         ('plant', 'paper_circle', '--out', '{tmp}/out.fmu'),
         ('loop', 'paper_circle', '--out', '{tmp}/out.fmu'),
         ('law', 'pid', '--ros2-control', '{tmp}/law'),
+        ('plant', 'paper_circle', '--ros2-control', '{tmp}/plant'),
     ],
     'urdf': [('paper_circle',)],
     'sweep': [('uncertain_robot', *OUT)],

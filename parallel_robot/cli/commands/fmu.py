@@ -15,7 +15,7 @@ from parallel_robot.fmu.contents import (
     loop_contents,
     plant_contents,
 )
-from parallel_robot.fmu.ros2_package import ros2_package
+from parallel_robot.fmu.ros2_package import KINDS, ros2_package
 from parallel_robot.fmu.unit import identifier, need_compiler, unit
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
@@ -51,7 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--ros2-control',
         type=Path,
         metavar='DIR',
-        help='in place of an FMU of a law a ROS 2 package, a controller of ros2_control in C++',
+        help='in place of an FMU a ROS 2 package in C++ for ros2_control: a law as a controller, '
+        'a plant as hardware',
     )
 
 
@@ -68,8 +69,8 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.kind == 'law':
         changed = merged([changed, law_loader.chosen(arguments.name, changed)])
         scenario = arguments.scenario or SCENARIO
-    elif arguments.ros2_control:
-        raise InputError(f'--ros2-control is for a law, not for a {arguments.kind}')
+    elif arguments.ros2_control and arguments.kind == 'loop':
+        raise InputError('--ros2-control is for a law or a plant, not for a loop')
     elif arguments.scenario:
         raise InputError(
             f'--scenario is for a law; the {arguments.kind} is that of {arguments.name}'
@@ -83,9 +84,9 @@ def execute(arguments: argparse.Namespace) -> int:
         configuration = configure(values)
         contents = _contents(arguments.kind, configuration)
         if arguments.ros2_control:
-            package = ros2_package(contents, configuration.control, place.name)
+            package = ros2_package(contents, configuration, arguments.kind, place.name)
             output.save_directory(place, package)
-            made = f'package {place}, {place.name}/LawController'
+            made = f'package {place}, {place.name}/{KINDS[arguments.kind].plugin}'
         else:
             content = unit(
                 contents, identifier(place.stem), arguments.fmi, STEPS * contents.period

@@ -1,10 +1,12 @@
-// Not built by colcon and not run in a controller manager: it was compiled against headers alone.
+// Compiled against stand-ins, not yet run: an older version was run in a controller manager.
 //
 // A control law with its whole cycle as a controller of ros2_control (Jazzy): written by
 // parallel_robot. native/ holds the code of the law; this file joins it to the hardware.
 
+#include <algorithm>
 #include <array>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -19,6 +21,8 @@
 #include "rclcpp/rclcpp.hpp"
 #include "realtime_tools/realtime_publisher.hpp"
 #include "realtime_tools/realtime_thread_safe_box.hpp"
+#include "std_msgs/msg/float64_multi_array.hpp"
+#include "std_msgs/msg/string.hpp"
 #include "std_msgs/msg/u_int8.hpp"
 #include "std_srvs/srv/trigger.hpp"
 #include "trajectory_msgs/msg/joint_trajectory.hpp"
@@ -117,6 +121,15 @@ public:
     told_ = get_node()->create_publisher<std_msgs::msg::UInt8>(
       "~/fault", rclcpp::QoS(1).reliable().transient_local());
     fault_publisher_ = std::make_unique<FaultPublisher>(told_);
+    commanded_ = get_node()->create_publisher<std_msgs::msg::Float64MultiArray>(
+      "~/commands", rclcpp::QoS(1).reliable());
+    command_publisher_ = std::make_unique<CommandPublisher>(commanded_);
+    command_.data.assign(layout::JOINTS, 0.0);
+    text_ = get_node()->create_publisher<std_msgs::msg::String>(
+      "~/fault_text", rclcpp::QoS(1).reliable().transient_local());
+    timer_.reset();
+    named_ = std::nullopt;
+    timer_ = get_node()->create_wall_timer(std::chrono::milliseconds(50), [this]() { name(); });
     subscription_ = get_node()->create_subscription<trajectory_msgs::msg::JointTrajectory>(
       "~/reference", rclcpp::QoS(1).best_effort(),
       [this](const trajectory_msgs::msg::JointTrajectory::SharedPtr message) {
@@ -167,7 +180,7 @@ public:
     return CallbackReturn::SUCCESS;
   }
 
-  return_type update(const rclcpp::Time & time, const rclcpp::Duration &) override
+  return_type update(const rclcpp::Time & time, const rclcpp::Duration & elapsed) override
   {
     if (clear_.exchange(false)) {
       begin_anew();
@@ -183,15 +196,16 @@ public:
       fault_ = layout::STATES_INVALID;
     }
     if (fault_ != layout::STATES_INVALID) {
-      step(time.nanoseconds(), torque);
+      step(time.nanoseconds(), elapsed.seconds(), torque);
     }
     const bool written = write(torque);
-    tell();
+    tell(torque);
     return written ? return_type::OK : return_type::ERROR;
   }
 
 private:
   using FaultPublisher = realtime_tools::RealtimePublisher<std_msgs::msg::UInt8>;
+  using CommandPublisher = realtime_tools::RealtimePublisher<std_msgs::msg::Float64MultiArray>;
   using States = std::vector<std::reference_wrapper<hardware_interface::LoanedStateInterface>>;
   using Commands = std::vector<std::reference_wrapper<hardware_interface::LoanedCommandInterface>>;
 
@@ -301,7 +315,8 @@ private:
     return true;
   }
 
-  void step(std::int64_t now, Row & torque)
+  // `elapsed`: since the update before [s]. In a pause of the manager states were missing.
+  void step(std::int64_t now, double elapsed, Row & torque)
   {
     // A reference that is too old makes no number, at which the law acts safely from then on.
     const bool fresh = is_fresh(reference_, now);
@@ -316,6 +331,8 @@ private:
         instance, layout::REFERENCE_VELOCITY + j, REAL, fresh ? v + later * a : nothing);
       instance_set(instance, layout::REFERENCE_ACCELERATION + j, REAL, fresh ? a : nothing);
     }
+    instance_set(instance, layout::ELAPSED, REAL, elapsed);
+    instance_set(instance, layout::REFERENCE_AGE, REAL, later);
     double fault = 0.0;
     instance_step(instance, instance->time, period);
     for (std::uint32_t j = 0; j < layout::JOINTS; ++j) {
@@ -336,15 +353,38 @@ private:
     return written;
   }
 
-  void tell()
+  // The torque in each cycle, as far as the publisher keeps up, and the fault when it changes.
+  // Copies of one length allocate nothing, but for the first.
+  void tell(const Row & torque)
   {
-    if (published_ == fault_) {
+    std::copy(torque.begin(), torque.end(), command_.data.begin());
+    command_publisher_->try_publish(command_);
+    const std::uint8_t fault = fault_;
+    if (published_ == fault) {
       return;
     }
     std_msgs::msg::UInt8 message;
-    message.data = fault_;
+    message.data = fault;
     if (fault_publisher_->try_publish(message)) {
-      published_ = fault_;
+      published_ = fault;
+    }
+  }
+
+  // Outside the loop: the fault in words, once.
+  void name()
+  {
+    const std::uint8_t fault = fault_;
+    if (named_ == fault) {
+      return;
+    }
+    named_ = fault;
+    std_msgs::msg::String message;
+    message.data = layout::fault_text(fault);
+    text_->publish(message);
+    if (fault != 0) {
+      RCLCPP_ERROR(
+        get_node()->get_logger(), "fault %u: %s; ~/clear_fault ends it",
+        static_cast<unsigned>(fault), layout::fault_text(fault));
     }
   }
 
@@ -356,12 +396,17 @@ private:
   realtime_tools::RealtimeThreadSafeBox<Reference> box_;
   Reference reference_;
   std::atomic<bool> clear_{false};
-  std::uint8_t fault_ = 0;
-  std::optional<std::uint8_t> published_;
+  std::atomic<std::uint8_t> fault_{0};
+  std::optional<std::uint8_t> published_, named_;
   States positions_, velocities_, efforts_;
   Commands torques_;
   rclcpp::Publisher<std_msgs::msg::UInt8>::SharedPtr told_;
   std::unique_ptr<FaultPublisher> fault_publisher_;
+  rclcpp::Publisher<std_msgs::msg::Float64MultiArray>::SharedPtr commanded_;
+  std::unique_ptr<CommandPublisher> command_publisher_;
+  std_msgs::msg::Float64MultiArray command_;
+  rclcpp::Publisher<std_msgs::msg::String>::SharedPtr text_;
+  rclcpp::TimerBase::SharedPtr timer_;
   rclcpp::Subscription<trajectory_msgs::msg::JointTrajectory>::SharedPtr subscription_;
   rclcpp::Service<std_srvs::srv::Trigger>::SharedPtr service_;
 };
