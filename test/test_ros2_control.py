@@ -258,6 +258,15 @@ def test_a_reference_that_stops_is_a_fault_until_it_is_cleared(host, run):
     assert np.array_equal(torque, run.command[0])
 
 
+def test_a_pause_too_long_for_states_and_references_is_told_by_the_states(host, run):
+    host.begin()
+    host.refer(0, rows(run, 0))
+    assert host('activate', 0) == 'success'
+    host.cycle(0, run.position[0], run.velocity[0])
+    host.cycle(600 * STEP, run.position[0], run.velocity[0], since=600 * STEP)
+    assert host('fault') == str(faults.STATES_STALE)
+
+
 def test_states_without_numbers_are_a_fault_and_busy_ones_are_not(host, run):
     host.begin()
     host.refer(0, rows(run, 0))
@@ -398,8 +407,10 @@ def command(host, torque):
         host('command', f'{joint}/effort', float(value))
 
 
-def test_law_and_robot_as_packages_are_the_loop_of_simulate(both, run):
+@pytest.mark.parametrize('efforts', [0, 1])
+def test_law_and_robot_as_packages_are_the_loop_of_simulate(both, run, efforts):
     with Host(*both) as host:
+        host('flag', 'effort_known', efforts)
         with_robot(host, ('joint2', 'joint3', 'joint1'))
         for _ in range(5):  # before there is a law, the robot stands still
             assert host('read', STEP) == host('write', STEP) == 'ok'

@@ -16,6 +16,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.configuration import Configuration
 
 NAME = re.compile('[a-z][a-z0-9]*(_[a-z0-9]+)*')  # REP 144
+FAULTS = ('TORQUE_NOT_FINITE', 'REFERENCE_STALE', 'STATES_INVALID')  # named by a controller
 TEMPLATES = {
     'package.xml': 'package.xml',
     'CMakeLists.txt': 'CMakeLists.txt',
@@ -173,8 +174,7 @@ def _layout(contents: Contents, kind: Kind, joints: tuple[str, ...], timeout: fl
         for number, text in sorted(contents.codes.items())
     )
     of_law = (
-        f'constexpr std::uint8_t REFERENCE_STALE = {faults.REFERENCE_STALE};',
-        f'constexpr std::uint8_t STATES_INVALID = {faults.STATES_INVALID};',
+        *(f'constexpr std::uint8_t {name} = {getattr(faults, name)};' for name in FAULTS),
         f'constexpr double REFERENCE_TIMEOUT = {timeout!r};  // s',
         'inline const char * fault_text(std::uint8_t number)',
         '{',

@@ -340,7 +340,8 @@ private:
     }
     instance_get(instance, layout::FAULT, INTEGER, &fault);
     if (fault_ == 0 && fault != 0.0) {
-      fault_ = fresh ? static_cast<std::uint8_t>(fault) : layout::REFERENCE_STALE;
+      const bool stale = !fresh && fault == layout::TORQUE_NOT_FINITE;
+      fault_ = stale ? layout::REFERENCE_STALE : static_cast<std::uint8_t>(fault);
     }
   }
 
