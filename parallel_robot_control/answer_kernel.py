@@ -130,7 +130,8 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
     delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known, row)
-    question = _open(common, wire, data, now, monotonic, row, tracks, delay)
+    ramp = core.setup.limits.ramp
+    question = _open(common, wire, data, now, monotonic, ramp, tracks, delay)
     if question.code != ANSWERED:
         return question.code
     stamps = question.stamps
@@ -187,7 +188,7 @@ def _open(
     data: bytes,
     now: int,
     monotonic: int,
-    row: Array,
+    ramp: Array,
     tracks: bool,
     delay: float,
 ) -> Question:
@@ -197,12 +198,13 @@ def _open(
 
     In lockstep the first state tells the age of all: its torque acts from the start on. In wall
     time a torque acts at the end of the period in which it is asked for; this counts only with an
-    estimator that predicts.
+    estimator that predicts. Of states that come faster than in time, as all at once, each lets a
+    torque that is faded go on by its share of a period: the motors see the last.
 
-    `row` is any vector of shape (n,); `tracks`: whether the estimator predicts; `delay`: age that
-    the stamps do not tell [s].
+    `ramp`: by how much it is faded at a state [N m], shape (n,); `tracks`: whether the estimator
+    predicts; `delay`: age that the stamps do not tell [s].
     """
-    timing, numbers, state = common.timing, common.numbers, common.state
+    timing, numbers, state, row = common.timing, common.numbers, common.state, ramp
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
@@ -269,11 +271,23 @@ def _open(
             dt = (stamp - before) / NANOSECONDS
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             torque, joins = applied, True
+        offset = last.offset
+        if now != 0 and before != NEVER and not timing.lockstep:
+            early = _too_early(common, before, now)
+            offset = select(offset != 0.0, offset + np.copysign(early * ramp, offset), offset)
         numbers[WAITS] = overdue
         numbers[LAST] = stamp
-        common.state = before_cycle(state, torque, cause, joins)
+        common.state = before_cycle(state, torque, offset, cause, joins)
     stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
     return Question(code, stamps, reference, position, velocity, effort, dt)
+
+
+@inner
+def _too_early(common: Any, before: int, now: int) -> float:
+    """Share of a period by which a state comes too early after the last one, of a stamp [ns]."""
+    age = common.ages[(common.numbers[ANSWERS] - 1) % AGES]
+    passed = (now - before - age) / common.timing.period
+    return 1.0 - min(1.0, max(0.0, passed))
 
 
 @inner

@@ -248,3 +248,22 @@ def test_states_that_end_with_the_run_are_no_fault(states, over, motion, monkeyp
     assert core.watch() != over and (core.fault == faults.NONE) == over
     run(core, motion, range(1), START + 10**9)  # of another run
     assert (core.fault == faults.NONE) == over
+
+
+@pytest.mark.parametrize('at_once', [False, True])
+def test_a_torque_is_faded_once_by_states_that_come_all_at_once(at_once, motion):
+    """The motors see the last answer alone: it must not jump."""
+    references, states = motion
+    core = controller(law='computed_torque')
+    layout, acts = layouts.joint_state(core.configuration.loop.joints), 20.0  # N m
+    torques = []
+    for k in range(30):
+        stamp = START + k * MS
+        core.add_reference(stamp, references[k])
+        now = START + 30 * MS if at_once and k else stamp + MS // 5
+        state = states[k]._replace(effort=np.full(3, acts if k == 0 else np.nan))
+        assert core.answer(layout.encode(stamp, **state._asdict()), now=now) > 0
+        torques.append(core.state.last.torque[0])
+    ramp = core.limits.ramp[0]
+    assert np.abs(np.array(torques[:2]) - acts + ramp * np.array([1, 2])).max() < 0.5
+    assert torques[-1] == pytest.approx(acts - 2 * ramp if at_once else 0.0, abs=0.5)
