@@ -25,6 +25,7 @@ from parallel_robot_control.answer_kernel import (
     REFUSED_LONG,
     START,
     STATUS,
+    TELEMETRY,
     UNTIL,
     AnswerLog,
 )
@@ -37,12 +38,15 @@ from parallel_robot_control.messages import LOST, Status, wire_of
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import BACK, CONTRADICTS, LATE, RESTART
 from parallel_robot_control.safety import faults
+from parallel_robot_control.safety.clamped_efforts import ClampedEfforts
 from parallel_robot_control.safety.limiting import Limits
 from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
 from parallel_robot_model.configuration.hazards import HazardTimes, parse
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages import cdr, layouts
+from parallel_robot_model.robots.contract import Fault
 
+EFFORT = 2  # row of the measured efforts
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
@@ -80,6 +84,9 @@ class Controller(ControllerState):
             if hazards
             else None
         )
+        tolerance = np.broadcast_to(configuration.safety.effort_tolerance, len(joints)).tolist()
+        self._efforts = ClampedEfforts(joints, tolerance, self._units)
+        self._why = ''  # why the motors did not apply the torque, when that became a fault
         self._sample = -1  # of the last state that was heard, for hazards
         self.command = b''  # the command message of the last answer
         self.code = 0  # what :func:`answer_kernel.answer` returned for the last state
@@ -109,6 +116,12 @@ class Controller(ControllerState):
         fault = self._faults.get(number)
         pose = LOST if lost else self._told
         return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
+
+    def explained(self, fault: Fault) -> Fault:
+        """The present fault, with what is known of its cause."""
+        if fault.key == faults.FAULTS[faults.TORQUE_LOST].key and self._why:
+            return fault._replace(text=f'{fault.text}: {self._why}')
+        return self.law.explained(fault)
 
     @property
     def joint_unit(self) -> dict[str, str]:
@@ -247,6 +260,8 @@ class Controller(ControllerState):
                 code |= STATUS if self._changed else 0
                 self._changed = False
                 self._count_fault()
+                if code & TELEMETRY:
+                    self._efforts.note(self._arrays.measured[EFFORT], self._arrays.torques)
         self.code = code
         return code
 
@@ -304,6 +319,11 @@ class Controller(ControllerState):
         if reason == faults.NONE or not self._loop.lockstep:
             return ANSWERED
         return REFUSED_LONG if times.loss(sample) and self.lose(reason) else REFUSED
+
+    def _count_fault(self) -> None:
+        if self.fault == faults.TORQUE_LOST != self._fault_seen:
+            self._why = self._efforts.told()
+        super()._count_fault()
 
     def _answer(self) -> Answer:
         return Answer(self._arrays.torques.copy(), self.telemetry, self.status)

@@ -201,7 +201,9 @@ class ControllerNode(SuiteNode):
     def alarm(self) -> str:
         """The fault, or the reference that is missing (lockstep)."""
         fault = self._controller.status.fault
-        return f'fault: {fault.text}' if fault else self._controller.waits()
+        if fault is None:
+            return self._controller.waits()
+        return f'fault: {self._controller.explained(fault).text}'
 
     def leave_out(self, topic: topics.Topic) -> None:
         """Change to the safe action: of two robots or two motions, one is not meant."""

@@ -115,7 +115,7 @@ class ControllerTopics:
             logger.info(f'delay of the states: {status.delay}')
         if status.fault != (before.fault if before else None):
             if status.fault:
-                text = self._controller.law.explained(status.fault).text
+                text = self._controller.explained(status.fault).text
                 logger.error(f'fault: {text}; ~/clear_fault ends the safe action')
             else:
                 logger.info('fault cleared')
