@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from drives import EVERY
+from drives import BROADCASTER, COMPONENT, EFFORT, EVERY
 from ros_fixtures import RECENT
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
@@ -25,7 +25,15 @@ pytest_plugins = ['ros_fixtures']
 ROOT = Path(__file__).parents[1]
 PATH = f'{ROOT}{os.pathsep}{ROOT / "test"}'
 BENCH = Topic('bench', 'std_msgs/msg/Float64MultiArray')
-XY, POSE, TORQUE, STATES = slice(0, 2), slice(0, 3), 3, -1  # in its messages
+XY, POSE, TORQUE, STEP, STALLS, DROPPED, STATES = (
+    slice(0, 2),
+    slice(0, 3),
+    3,
+    5,
+    -3,
+    -2,
+    -1,
+)  # in them
 VALUES = config.resolve('paper_circle')
 CENTER, RADIUS = VALUES['circle.center'], VALUES['circle.radius']
 PATIENT = [  # on a machine that is shared
@@ -36,6 +44,12 @@ PATIENT = [  # on a machine that is shared
 WAY = 0.03  # m, along which it is looked at how it tracks
 NEAR = 2e-4  # m, from the path
 RETURNED = 20  # messages of the bench, over which it is near again
+MOST = 10.0  # N m, of a way back
+GAP = 'fault: no joint state came for too long'
+TOO_LATE = 'fault: joint states come too late'
+AGE = VALUES['safety.state_age']  # s
+SHORT = 0.2  # s, of a stall after which the torque is bounded wherever it begins
+LOST = 'fault: the motors do not apply the commanded torque'
 
 
 class Bus:
@@ -46,15 +60,18 @@ class Bus:
         self.seen = peer.listen(BENCH)
         self.statuses = peer.listen(topics.STATUS, RECENT)
         self.figures = {}  # of the controller, as it told them last
+        self.told = []  # what was wrong, and the figures, each second
         peer.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_figures, 10)
 
     def _on_figures(self, array):
         for status in array.status:
             if status.hardware_id == '/controller':
                 self.figures = {each.key: each.value for each in status.values}
+                self.told.append((status.message, self.figures))
 
-    def start_drives(self, pose, **given):
+    def start_drives(self, pose, joints=(), **given):
         overrides = {'period': self.period, 'plant.initial_pose': [*map(float, pose)]}
+        overrides |= {'joints': [*joints]} if joints else {}
         words = json.dumps({'overrides': overrides, **given})
         self.drives = self._launch('drives', words, PYTHONPATH=PATH)
 
@@ -62,6 +79,40 @@ class Bus:
         for name in ('controller', 'trajectory'):
             words = [word for each in (*PATIENT, *more) for word in ('-p', each)]
             setattr(self, name, self._launch(MODULES[name], '--ros-args', *words))
+
+    def switch(self, name, on):
+        """Whether a controller or the component could be switched."""
+        request, service = SetBool.Request(data=on), f'controller_manager/{name}'
+        return self.peer.call(SetBool, service, request, self.drives).success
+
+    def ask(self, name, server):
+        """Whether a service without a request did what it is for."""
+        return self.peer.call(Trigger, name, Trigger.Request(), server).success
+
+    def until_it_is_back(self):
+        """Clear the fault and wait until it tracks again; returns since which message."""
+        count = len(self.seen)
+        self.peer.until(lambda: self.ask('controller/clear_fault', self.controller))
+        self.peer.until(lambda: self.fault() == '')
+        self.until_it_has_moved(count)
+        self.peer.until(lambda: self.distance(-RETURNED) < NEAR)
+        return count
+
+    def step(self, first, last=None):
+        """Largest step of the torque from a sample to the next among messages [N m]."""
+        return max(one.data[STEP] for one in self.seen[first:last])
+
+    def ramp(self):
+        """By how much a torque that is faded changes in a sample [N m]."""
+        return max(VALUES['safety.ramp_rate']) * self.period
+
+    def told_of(self, answered):
+        """What was wrong when it told for the first time of so many states."""
+        return next(text for text, each in self.told if int(each['answered']) >= answered)
+
+    def torque(self, first=0):
+        """Largest torque that has acted since a message of the bench [N m]."""
+        return max(one.data[TORQUE] for one in self.seen[first:])
 
     def fault(self):
         if not self.statuses:
@@ -95,10 +146,11 @@ def bus(launch, peer):
 @pytest.mark.parametrize('rate', [1000, 500, 250, 125])
 def test_it_tracks_at_every_rate(rate, bus):
     """States 1 to 3 ms late, with jitter, in an order of their own, beside those of a gripper."""
-    robot = bus(1.0 / rate)
+    robot, joints = bus(1.0 / rate), ['b', 'c', 'a']
     first = trajectory_of(VALUES).first_pose
-    robot.start_drives(first, late=[0.001, 0.003], jitter=1e-4, active=True, gripper=True)
-    robot.start_nodes('period:=auto')
+    special = {'late': [0.001, 0.003], 'jitter': 1e-4, 'active': True, 'gripper': True}
+    robot.start_drives(first, joints=joints, **special)
+    robot.start_nodes('period:=auto', f'joints:={joints}')
     robot.until_it_has_moved()
     robot.peer.until(lambda: int(robot.figures.get('answered', 0)) > 100)
     assert robot.distance() < NEAR and robot.fault() == ''
@@ -115,30 +167,27 @@ def test_it_tracks_at_every_rate(rate, bus):
     assert 'the period says' not in robot.controller.stderr
 
 
-def test_drives_that_are_restarted_are_found_again(bus):
+@pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGKILL])
+def test_drives_that_are_restarted_are_found_again(how, bus):
     """The robot stays where it is meanwhile, and the controller in a fault until it is cleared."""
     robot = bus(0.004)
     robot.start_drives(trajectory_of(VALUES).first_pose, active=True)
-    robot.start_nodes('period:=0.004')
+    robot.start_nodes('period:=0.004', 'law:=s_fotsmc')
     robot.until_it_has_moved()
-    assert robot.drives.end(signal.SIGINT) == 0
-    robot.peer.until(lambda: robot.fault() == 'fault: no joint state came for too long')
+    stopped = len(robot.seen)
+    assert robot.drives.end(how) in (0, -how)
+    robot.peer.until(lambda: robot.fault() == GAP)
     count = len(robot.seen)
     robot.start_drives(robot.seen[-1].data[POSE], active=True)
     robot.peer.until(lambda: len(robot.seen) > count)
     assert robot.fault()
-
-    def clear():
-        name, request = 'controller/clear_fault', Trigger.Request()
-        return robot.peer.call(Trigger, name, request, robot.controller).success
-
-    robot.peer.until(clear)
-    robot.peer.until(lambda: robot.fault() == '')
-    robot.until_it_has_moved(count)
-    robot.peer.until(lambda: robot.distance(-RETURNED) < NEAR)
+    count = robot.until_it_is_back()
+    assert robot.step(count) < robot.ramp() + robot.step(0, stopped)
     count = len(robot.seen)
     robot.until_it_has_moved(count)
     assert robot.distance(count) < NEAR and robot.fault() == ''
+    if how == signal.SIGKILL:  # it counts for 20 s
+        assert robot.figures['joint_states: publishers'] == '2'
 
 
 def test_commands_are_taken_as_an_effort_group_controller_takes_them(bus):
@@ -156,17 +205,101 @@ def test_commands_are_taken_as_an_effort_group_controller_takes_them(bus):
         robot.peer.until(lambda: len(robot.seen) > count)
         return robot.seen[-1].data[TORQUE]
 
-    def switch(active):
-        request, name = SetBool.Request(data=active), 'controller_manager/switch'
-        assert robot.peer.call(SetBool, name, request, robot.drives).success
-
     assert after() == 0.0 and after(one) == 0.2
     assert after([]) == after([np.nan, 0.0, 0.0]) == 0.2  # the last one stays
     assert after(other) == 0.1
     assert after([0.2, 0.0]) == after(one) == 0.0  # deactivated
-    switch(True)
+    assert robot.switch(EFFORT, True)
     assert after() == 0.0 and after(one) == 0.2
-    switch(False)
+    assert robot.switch(EFFORT, False)
     assert after() == after(one) == 0.0
-    switch(True)
+    assert robot.switch(EFFORT, True)
     assert after() == 0.0  # what came in between is forgotten
+
+
+@pytest.mark.parametrize(
+    ('special', 'nodes', 'told'),
+    [
+        ({'rates': {BROADCASTER: 300}}, (), 'come at 333.3 Hz, the period says 1000 Hz: give the'),
+        ({'rates': {EFFORT: 250}, 'asynchronous': True}, (), ''),
+        ({'interfaces': ['position']}, ('estimator.kind:=filter',), ''),
+        ({'limits': {'effort': 0.2}, 'enforced': False}, (), ''),
+    ],
+    ids=['broadcaster_slower', 'effort_controller_slower', 'positions', 'limits_not_enforced'],
+)
+def test_it_tracks_with_what_ros2_control_may_be_told(special, nodes, told, bus):
+    robot = bus(0.001)
+    robot.start_drives(trajectory_of(VALUES).first_pose, active=True, **special)
+    robot.start_nodes(*nodes)
+    robot.until_it_has_moved()
+    count = len(robot.told)
+    robot.peer.until(lambda: len(robot.told) > count)
+    assert robot.distance() < NEAR and robot.fault() == ''
+    assert ('the period says' in robot.controller.stderr) == bool(told)
+    assert told in robot.controller.stderr
+
+
+@pytest.mark.parametrize(
+    ('dropped', 'lasts', 'bursts'), [(0.05, [0.02, 0.1, 0.2], False), (0.24, [0.02, 0.34], True)]
+)
+def test_states_that_are_dropped_or_late_are_told_and_throw_nobody(dropped, lasts, bursts, bus):
+    """With the time-outs of the defaults."""
+    robot = bus(0.002)
+    late = {'dropped': dropped, 'stalls': lasts, 'bursts': bursts}
+    robot.start_drives(trajectory_of(VALUES).first_pose, active=True, **late)
+    robot.start_nodes('period:=0.002', 'law:=s_fotsmc', f'safety.state_age:={AGE}')
+    robot.until_it_has_moved()
+    stalls, count = robot.seen[-1].data[STALLS], len(robot.told)
+    robot.peer.until(lambda: robot.seen[-1].data[STALLS] > stalls + len(lasts))
+    robot.peer.until(lambda: len(robot.told) > count + 3)
+    assert robot.fault() in ('', TOO_LATE)  # that if a burst takes 0.1 s
+    first = next(i for i, one in enumerate(robot.seen) if one.data[STALLS] > stalls)
+    assert robot.step(first) < robot.ramp() + robot.step(0, first)
+    assert max(lasts) > SHORT or robot.torque(first) < MOST
+    assert robot.told_of(400).startswith('joint states: ')  # of the first second
+    gaps = [float(re.search(r'gap (\S+) ms', each['missing'])[1]) for _, each in robot.told]
+    assert max(gaps) >= 1e3 * (max(lasts) - AGE)  # the last ones of a burst are young enough
+
+
+@pytest.mark.parametrize('zeroes', [True, False])
+def test_a_component_that_errs_needs_three_commands_to_come_back(zeroes, bus):
+    """Nothing is written any more: drives that do not zero go on with the last torque."""
+    robot = bus(0.002)
+    robot.start_drives(trajectory_of(VALUES).first_pose, active=True, zeroes=zeroes)
+    robot.start_nodes('period:=0.002', 'law:=s_fotsmc')
+    robot.until_it_has_moved()
+    stopped = len(robot.seen)
+    assert robot.ask('controller_manager/err', robot.drives)
+    count = len(robot.seen)
+    robot.peer.until(lambda: robot.fault() == GAP)
+    robot.peer.until(lambda: len(robot.seen) > count + 2)
+    went = np.linalg.norm(np.subtract(*robot.points(count + 1)[[0, -1]]))
+    assert (robot.torque(count + 1) == 0.0, went == 0.0) == (zeroes, zeroes)
+    for name in (EFFORT, BROADCASTER):
+        assert not robot.switch(name, True)
+    assert not robot.ask('controller/clear_fault', robot.controller)
+    for name in (COMPONENT, BROADCASTER):
+        assert robot.switch(name, True)
+    count = len(robot.seen)
+    robot.peer.until(lambda: len(robot.seen) > count + 2)
+    assert robot.torque(count + 1) == 0.0 and robot.fault() == GAP
+    assert robot.switch(EFFORT, True)
+    count = robot.until_it_is_back()
+    assert robot.step(count) < robot.ramp() + robot.step(0, stopped)
+
+
+@pytest.mark.parametrize(
+    ('limits', 'told'),
+    [
+        ({'effort': 0.5}, r': efforts of joint\d stay at -?0\.5 N m where -?\d\.\d+ is commanded'),
+        ({'velocity': 0.05}, ''),
+    ],
+)
+def test_limits_of_the_urdf_that_are_enforced_are_a_fault_that_is_explained(limits, told, bus):
+    robot = bus(0.002)
+    robot.start_drives(trajectory_of(VALUES).first_pose, active=True, limits=limits)
+    robot.start_nodes('period:=0.002')
+    robot.peer.until(lambda: robot.fault() == LOST)
+    assert 'is out of limits' in robot.drives.stderr
+    robot.peer.until(lambda: any(text.startswith(LOST) for text, _ in robot.told))
+    assert re.search(f'{LOST}{told}', robot.controller.stderr)
