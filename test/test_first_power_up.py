@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
-from drives import EVERY
+from drives import EFFORT, EVERY
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
-from ros_fixtures import PERIOD, RECENT
+from ros_fixtures import PERIOD, RECENT, STATE_TIMEOUT
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
@@ -26,11 +26,13 @@ from parallel_robot_model.processes.node_processes import MODULES
 pytest_plugins = ['ros_fixtures']
 
 ROOT = Path(__file__).parents[1]
+MANAGER = ROOT / 'config' / 'hardware' / 'ros2_control.yaml'
+MANAGED, PARAMETERS = 'controller_manager', 'ros__parameters'
 PATH = f'{ROOT}{os.pathsep}{ROOT / "test"}'  # of the drives
 BENCH = Topic('bench', 'std_msgs/msg/Float64MultiArray')
 PATIENT = [  # on a machine that is shared; strict.yaml is for one that is not
     f'period:={PERIOD}',
-    'safety.state_timeout:=60.0',
+    f'safety.state_timeout:={STATE_TIMEOUT}',
     'safety.reference_timeout:=60.0',
 ]
 DRIVES = {  # the robot is heavier than the one that is assumed
@@ -40,7 +42,7 @@ DRIVES = {  # the robot is heavier than the one that is assumed
     'true_robot.m2': 8.5,
 }
 SECOND = round(1.0 / (EVERY * PERIOD))  # messages of the bench
-XY, TORQUE, COMMAND, JOINTS = slice(0, 2), 3, 4, slice(5, 8)  # in each of them
+XY, TORQUE, COMMAND, JOINTS = slice(0, 2), 3, 4, slice(6, 9)  # in each of them
 CALM = 3.0  # N m; friction takes 0.5, the way back of some millimetres 2
 STILL = 1e-3  # m
 
@@ -78,12 +80,24 @@ class Bench:
         """Do what a command of the page asks for."""
         words = shlex.split(line)
         match words:
+            case [
+                'chrt',
+                '-f',
+                '25',
+                'ros2',
+                'run',
+                'controller_manager',
+                'ros2_control_node',
+                *_,
+            ]:
+                assert Path(words[-1]).name == MANAGER.name
+                given = json.dumps({'overrides': DRIVES, **self._given})
+                self.nodes['drives'] = self._launch('drives', given, PYTHONPATH=PATH)
+                self.until(lambda: len(self.seen) > SECOND)
+                return None
             case ['ros2', 'run', 'controller_manager', 'spawner', name, *options]:
-                if 'drives' not in self.nodes:
-                    given = json.dumps({'overrides': DRIVES, **self._given})
-                    self.nodes['drives'] = self._launch('drives', given, PYTHONPATH=PATH)
-                    self.until(lambda: len(self.seen) > SECOND)
-                assert options == {'effort_controller': ['--inactive']}.get(name, [])
+                assert name in plain_data.load(MANAGER.read_text())[MANAGED][PARAMETERS]
+                assert options == {EFFORT: ['--inactive']}.get(name, [])
                 return None
             case ['ros2', 'run', 'parallel_robot', node, *rest]:
                 known = [word for parameter in PATIENT for word in ('-p', parameter)]
@@ -92,9 +106,11 @@ class Bench:
                 self.nodes[node] = self._launch(MODULES[node], *rest, *known)
                 self.peer.see(f'/{node}')
                 return self.nodes[node]
-            case ['ros2', 'control', 'switch_controllers', how, 'effort_controller']:
-                request = SetBool.Request(data={'--activate': True, '--deactivate': False}[how])
-                return self.call(SetBool, 'controller_manager/switch', request, 'drives')
+            case ['ros2', 'control', 'switch_controllers', how, *names]:
+                on = {'--activate': True, '--deactivate': False}[how]
+                return all(self.switch(name, on) for name in names)
+            case ['ros2', 'control', 'set_hardware_component_state', name, 'active']:
+                return self.switch(name, True)
             case ['ros2', 'service', 'call', name, 'std_srvs/srv/Trigger']:
                 node = name.split('/')[1]
                 return self.call(Trigger, name, Trigger.Request(), node)
@@ -112,6 +128,11 @@ class Bench:
                 assert process.wait() == 0, process.stderr
                 return process.stdout
         raise AssertionError(f'what does {line} ask for?')
+
+    def switch(self, name, on):
+        """Whether a controller or the component could be switched."""
+        request = SetBool.Request(data=on)
+        return self.call(SetBool, f'{MANAGED}/{name}', request, 'drives').success
 
     def call(self, kind, name, request, node):
         return self.peer.call(kind, name, request, self.nodes[node])
@@ -231,7 +252,8 @@ def test_the_page_is_calm_word_by_word(bench):
     nodes = robot.peer.node.get_node_names
     robot.until(lambda: 'controller' not in nodes())  # calls would go to it
     robot.statuses.clear()
-    robot.run(STEPS['The controller, stopped'][2])  # somebody starts it again
+    _, _, _, controller, _ = STEPS['The controller, stopped']
+    robot.run(controller)  # somebody starts it again
     robot.until_fault('emergency stop')
     robot.run(on)
     robot.wait(1.0)
@@ -239,6 +261,21 @@ def test_the_page_is_calm_word_by_word(bench):
     robot.until(lambda: robot.fault() == '')
     robot.wait(2.0)
     assert robot.distance(begun) < STILL and robot.torque() < CALM
+
+    assert next(titles) == 'Drives in error, before you need it'
+    component, controllers, clear = STEPS['Drives in error, before you need it']
+    erred = len(robot.seen)
+    assert robot.call(Trigger, f'{MANAGED}/err', Trigger.Request(), 'drives').success
+    robot.until_fault('no joint state came for too long')
+    assert not robot.run(controllers)  # the component comes first
+    for line in (component, controllers):
+        assert robot.run(line)
+        robot.wait(1.0)
+    assert robot.torque(erred + SECOND // 2) == 0.0
+    robot.until(lambda: robot.run(clear).success)
+    robot.until(lambda: robot.fault() == '' and robot.seen[-1].data[COMMAND])
+    robot.wait(2.0)
+    assert robot.distance(begun) < STILL and robot.torque(erred) < CALM
 
     assert next(titles) == 'Identify'
     heard = len(robot.references)
