@@ -48,7 +48,6 @@ MOST = 10.0  # N m, of a way back
 GAP = 'fault: no joint state came for too long'
 TOO_LATE = 'fault: joint states come too late'
 AGE = VALUES['safety.state_age']  # s
-SHORT = 0.2  # s, of a stall after which the torque is bounded wherever it begins
 LOST = 'fault: the motors do not apply the commanded torque'
 
 
@@ -254,8 +253,9 @@ def test_states_that_are_dropped_or_late_are_told_and_throw_nobody(dropped, last
     robot.peer.until(lambda: len(robot.told) > count + 3)
     assert robot.fault() in ('', TOO_LATE)  # that if a burst takes 0.1 s
     first = next(i for i, one in enumerate(robot.seen) if one.data[STALLS] > stalls)
-    assert robot.step(first) < robot.ramp() + robot.step(0, first)
-    assert max(lasts) > SHORT or robot.torque(first) < MOST
+    if not bursts:  # in which the law takes many steps between two of the drives
+        assert robot.step(first) < robot.ramp() + robot.step(0, first)
+        assert robot.torque(first) < MOST
     assert robot.told_of(400).startswith('joint states: ')  # of the first second
     gaps = [float(re.search(r'gap (\S+) ms', each['missing'])[1]) for _, each in robot.told]
     assert max(gaps) >= 1e3 * (max(lasts) - AGE)  # the last ones of a burst are young enough
