@@ -56,7 +56,11 @@ ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
     ACTED_AT,  # stamp of the last state at which a limit acted
     UNTIL,  # stamp of the newest reference that counts
     WAITS,  # whether the last reference was overdue
-) = range(14)  # fmt: skip
+    CAME,  # when the last state came, on the clock of the stamps [ns]
+    YOUNGEST,  # about the least age that states have when they are answered [ns]
+) = range(16)  # fmt: skip
+QUEUED = 1  # periods by which a state of a burst is older than others: a younger one is behind it
+AGEING = 250  # states after which the least age counts as a period larger
 
 
 class Shared(NamedTuple):
@@ -64,7 +68,7 @@ class Shared(NamedTuple):
 
     measured: Array  # position, velocity and effort of the last state, shape (3, n)
     telemetry: Array  # telemetry of the last answer, one row a vector, shape (4, n)
-    numbers: NDArray[np.int64]  # limits, stamps and counts, shape (14,)
+    numbers: NDArray[np.int64]  # limits, stamps and counts, shape (16,)
     command: NDArray[np.uint8]  # the command message of the last answer, serialised
     torques: Array  # the torques in it [N m], shape (n,)
     # stamps of state and reference of each answer, and when its torque acts [ns], shape
@@ -80,15 +84,15 @@ def shared(joints: int) -> Shared:
     made = Shared(
         np.zeros((3, joints)),
         np.zeros((4, joints)),
-        np.zeros(14, np.int64),
+        np.zeros(16, np.int64),
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
         np.zeros((AGES, joints)),
         np.zeros(AGES, np.int64),
     )
-    made.numbers[[LAST, START, END]] = NEVER
-    made.numbers[UNTIL] = FOREVER
+    made.numbers[[LAST, START, END, CAME]] = NEVER
+    made.numbers[[UNTIL, YOUNGEST]] = FOREVER, FOREVER // 2
     return made
 
 
@@ -105,6 +109,7 @@ OLD = -4  # the state is too old
 STALE = -5  # no state was answered for too long: the controller itself was stalled
 EARLY = -6  # the state is from before the start
 AHEAD = -7  # its stamp is ahead of the clock
+OVERTAKEN = -10  # it is one of many that come at once, and not the last of them
 # Of hazards in lockstep, see controller.py:
 REFUSED = -8  # a state is one of those
 REFUSED_LONG = -9  # all of them have been for so long that it is a fault
@@ -130,8 +135,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
     delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known, row)
-    ramp = core.setup.limits.ramp
-    question = _open(common, wire, data, now, monotonic, ramp, tracks, delay)
+    question = _open(common, wire, data, now, monotonic, row, tracks, delay)
     if question.code != ANSWERED:
         return question.code
     stamps = question.stamps
@@ -188,7 +192,7 @@ def _open(
     data: bytes,
     now: int,
     monotonic: int,
-    ramp: Array,
+    row: Array,
     tracks: bool,
     delay: float,
 ) -> Question:
@@ -198,13 +202,12 @@ def _open(
 
     In lockstep the first state tells the age of all: its torque acts from the start on. In wall
     time a torque acts at the end of the period in which it is asked for; this counts only with an
-    estimator that predicts. Of states that come faster than in time, as all at once, each lets a
-    torque that is faded go on by its share of a period: the motors see the last.
+    estimator that predicts.
 
-    `ramp`: by how much it is faded at a state [N m], shape (n,); `tracks`: whether the estimator
-    predicts; `delay`: age that the stamps do not tell [s].
+    `row` is any vector of shape (n,); `tracks`: whether the estimator predicts; `delay`: age that
+    the stamps do not tell [s].
     """
-    timing, numbers, state, row = common.timing, common.numbers, common.state, ramp
+    timing, numbers, state = common.timing, common.numbers, common.state
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
@@ -237,6 +240,8 @@ def _open(
         code = OLD
     elif not timing.lockstep and now != 0 and now < stamp - timing.state_age:
         code = AHEAD
+    elif not timing.lockstep and now != 0 and _is_queued(common, now, stamp):
+        code = OVERTAKEN
     elif before != NEVER and (
         stamp <= before or (stamp - before >= RESTART and not timing.lockstep)
     ):
@@ -271,23 +276,24 @@ def _open(
             dt = (stamp - before) / NANOSECONDS
         elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
             torque, joins = applied, True
-        offset = last.offset
-        if now != 0 and before != NEVER and not timing.lockstep:
-            early = _too_early(common, before, now)
-            offset = select(offset != 0.0, offset + np.copysign(early * ramp, offset), offset)
         numbers[WAITS] = overdue
         numbers[LAST] = stamp
-        common.state = before_cycle(state, torque, offset, cause, joins)
+        common.state = before_cycle(state, torque, cause, joins)
+    numbers[CAME] = now
     stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
     return Question(code, stamps, reference, position, velocity, effort, dt)
 
 
 @inner
-def _too_early(common: Any, before: int, now: int) -> float:
-    """Share of a period by which a state comes too early after the last one, of a stamp [ns]."""
-    age = common.ages[(common.numbers[ANSWERS] - 1) % AGES]
-    passed = (now - before - age) / common.timing.period
-    return 1.0 - min(1.0, max(0.0, passed))
+def _is_queued(common: Any, now: int, stamp: int) -> bool:
+    """Whether a state comes right behind another one, and a younger one will right behind it.
+
+    What held them up is over then. The law would take many steps between two of the motors, each
+    from what the torque of the one before has not moved yet.
+    """
+    numbers, period = common.numbers, common.timing.period
+    at_once = now - numbers[CAME] < period // 2
+    return bool(at_once and now - stamp > numbers[YOUNGEST] + QUEUED * period)
 
 
 @inner
@@ -310,7 +316,9 @@ def _close(
     common.log[numbers[LOGGED] % AGES, 1] = stamps.known
     common.log[numbers[LOGGED] % AGES, 2] = stamps.acts
     numbers[LOGGED] += 1
-    common.ages[numbers[ANSWERS] % AGES] = max(0, now - stamp)
+    age = max(0, now - stamp)
+    common.ages[numbers[ANSWERS] % AGES] = age
+    numbers[YOUNGEST] = min(age, numbers[YOUNGEST] + period // AGEING)
     numbers[ANSWERS] += 1
     ended = numbers[END] != NEVER and stamps.now >= numbers[END]
     numbers[HEARD] = 0 if ended else monotonic

@@ -20,6 +20,7 @@ from parallel_robot_control.answer_kernel import (
     ANSWERED,
     EARLY,
     NO_REFERENCE,
+    OVERTAKEN,
     REFUSED,
     REFUSED_LONG,
     STALE,
@@ -231,6 +232,8 @@ class ControllerNode(SuiteNode):
             self._topics.publish_command()
         elif code > 0:
             self._topics.publish_answer(code)
+        elif code == OVERTAKEN:
+            self._refused.count += 1
         elif code == REFUSED_LONG:
             self._tell_now()
         elif code != REFUSED and (code not in (EARLY, NO_REFERENCE) or self.lockstep):

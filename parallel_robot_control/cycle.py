@@ -120,15 +120,12 @@ def taking_over(last: Last, effort: Array) -> Last:
 
 
 @inner
-def before_cycle(
-    state: CycleState, torque: Array, offset: Array, cause: int, joins: bool
-) -> CycleState:
+def before_cycle(state: CycleState, torque: Array, cause: int, joins: bool) -> CycleState:
     """The state with which a cycle begins.
 
     Args:
         state: State after the cycle before.
         torque: Torque that acts [N m], shape (n,).
-        offset: What is left of a torque that is faded [N m], shape (n,).
         cause: STATES_STALE or REFERENCE_STALE if one of them stayed away for too long, else NONE.
         joins: Whether the law begins anew, see controller_state.joining.
     """
@@ -140,7 +137,7 @@ def before_cycle(
         excess, takes_over, begins = np.zeros_like(excess), True, BACK
     return CycleState(
         state.pose,
-        Last(last.position, last.reference, torque, offset, takes_over, last.known),
+        Last(last.position, last.reference, torque, last.offset, takes_over, last.known),
         excess,
         held,
         fault,

@@ -16,6 +16,8 @@ from parallel_robot_control.safety.faults import EMERGENCY_STOP, REFERENCE_STALE
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import layouts
+from parallel_robot_sim.configuration import configure_plant
+from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen.configuration import trajectory_of
 
 MS = 10**6  # ns
@@ -250,20 +252,35 @@ def test_states_that_end_with_the_run_are_no_fault(states, over, motion, monkeyp
     assert (core.fault == faults.NONE) == over
 
 
-@pytest.mark.parametrize('at_once', [False, True])
-def test_a_torque_is_faded_once_by_states_that_come_all_at_once(at_once, motion):
-    """The motors see the last answer alone: it must not jump."""
-    references, states = motion
-    core = controller(law='computed_torque')
-    layout, acts = layouts.joint_state(core.configuration.loop.joints), 20.0  # N m
-    torques = []
-    for k in range(30):
-        stamp = START + k * MS
-        core.add_reference(stamp, references[k])
-        now = START + 30 * MS if at_once and k else stamp + MS // 5
-        state = states[k]._replace(effort=np.full(3, acts if k == 0 else np.nan))
-        assert core.answer(layout.encode(stamp, **state._asdict()), now=now) > 0
-        torques.append(core.state.last.torque[0])
-    ramp = core.limits.ramp[0]
-    assert np.abs(np.array(torques[:2]) - acts + ramp * np.array([1, 2])).max() < 0.5
-    assert torques[-1] == pytest.approx(acts - 2 * ramp if at_once else 0.0, abs=0.5)
+@pytest.mark.parametrize(('stall', 'at_once'), [(50, 5), (200, 20), (340, 20)])
+def test_states_that_were_held_up_and_come_all_at_once_make_no_jump(stall, at_once):
+    """The robot moves on under the last torque; then old states come, many in a ms, in order.
+
+    A torque that goes on by `ramp_rate` at each of them would jump by as many N m.
+    """
+    begin, answered, torque, torques, queue = 1500, 0, np.zeros(3), [], []
+    core = controller()
+    plant = Simulator(configure_plant(config.resolve('paper_circle')))
+    layout = layouts.joint_state(core.configuration.loop.joints)
+    samples = trajectory_of(config.resolve('paper_circle')).sample(
+        np.arange(begin + stall + 300) * 1e-3
+    )
+    for k, row in enumerate(
+        zip(samples.position, samples.velocity, samples.acceleration, strict=True)
+    ):
+        core.add_reference(START + k * MS, JointReference(*row))
+        seen = plant.measurement()
+        queue.append((START + k * MS, JointSample(seen.position, seen.velocity, torque)))
+        for i in range(0 if begin <= k < begin + stall else at_once):
+            if queue:
+                stamp, state = queue.pop(0)
+                now = START + k * MS + (i + 1) * MS // (at_once + 1)
+                answered += core.answer(layout.encode(stamp, **state._asdict()), now=now) > 0
+                torque = np.array(core.state.last.torque)
+        torques.append(torque)
+        plant.advance(torque)
+    after = np.array(torques)[begin:]
+    assert core.fault == faults.NONE and answered < begin + 300 + 5
+    assert np.abs(after).max() < 10.0
+    assert np.abs(np.diff(after, axis=0)).max() < 3.0
+    assert np.abs(samples.position[-1] - plant.measurement().position).max() < 1e-3

@@ -111,7 +111,7 @@ def answer_state(instance: LawInstance) -> int:
         read_at(values, POSITION, row),
         read_at(values, VELOCITY, row),
         effort,
-        before_cycle(state, torque, state.last.offset, cause, joins),
+        before_cycle(state, torque, cause, joins),
         When(sample, read_at(values, first + AGE, 0.0), dt),
     )
     propose(instance.state, cycle.state, instance.like)
