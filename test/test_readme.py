@@ -1,5 +1,6 @@
 """README and docs promise only what exists."""
 
+import itertools
 import os
 import re
 import shlex
@@ -70,7 +71,8 @@ def test_executables_exist_and_their_parameters_resolve(command, monkeypatch):
         build_parser().parse_args(words[4:])
         return
     assert (ROOT / 'scripts' / words[3]).is_file()
-    words = [word.replace(':=', '=') for word in words if ':=' in word]
+    pairs = itertools.pairwise(words)
+    words = [word.replace(':=', '=') for option, word in pairs if ':=' in word and option != '-r']
     changes = yaml_file.parse_assignments(words)
     config.resolve(changes.pop('scenario', 'paper_circle'), changes)
 
