@@ -102,8 +102,11 @@ class Bus:
         return max(one.data[STEP] for one in self.seen[first:last])
 
     def ramp(self):
-        """By how much a torque that is faded changes in a sample [N m]."""
-        return max(VALUES['safety.ramp_rate']) * self.period
+        """By how much a torque that is faded changes from a sample of the drives to the next [N m].
+
+        In wall time two states may be answered between them.
+        """
+        return 2.0 * max(VALUES['safety.ramp_rate']) * self.period
 
     def told_of(self, answered):
         """What was wrong when it told for the first time of so many states."""
