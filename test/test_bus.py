@@ -102,7 +102,7 @@ class Bus:
         return max(one.data[STEP] for one in self.seen[first:last])
 
     def ramp(self):
-        """By how much a torque that is faded changes from a sample of the drives to the next [N m].
+        """By how much a torque that is faded changes between two samples of the drives [N m].
 
         In wall time two states may be answered between them.
         """
