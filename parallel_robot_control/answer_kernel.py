@@ -286,10 +286,10 @@ def _open(
 
 @inner
 def _is_queued(common: Any, now: int, stamp: int) -> bool:
-    """Whether a state comes right behind another one, and a younger one will right behind it.
+    """Whether a state is one of many that come at once, with a younger one right behind it.
 
-    What held them up is over then. The law would take many steps between two of the motors, each
-    from what the torque of the one before has not moved yet.
+    They were held up. Answered each, the law would take many steps between two samples of the
+    motors, though the torque of none of them has moved the robot before the next one.
     """
     numbers, period = common.numbers, common.timing.period
     at_once = now - numbers[CAME] < period // 2
