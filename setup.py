@@ -144,6 +144,7 @@ setup(
         'pyyaml>=6.0.1',
         'rosbags>=0.10.9',
         'scipy>=1.11',
+        'threadpoolctl>=3.1',
         'zstandard>=0.22',
     ],
     extras_require={

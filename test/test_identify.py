@@ -12,7 +12,7 @@ from bags import STORE, content, write_foreign
 from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recording, run_log, run_windows
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.identification import measured_motion
+from parallel_robot.studies.identification import identified, measured_motion
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import COMMANDS, JOINT_STATES
@@ -67,6 +67,34 @@ def test_a_bag_gives_the_true_robot_within_1_percent_as_yaml_and_json(bags, tmp_
     assert np.allclose(robot['friction.viscous'], 2.5, rtol=0.01)
 
 
+def test_the_end_that_was_not_fitted_is_told_first(bags, capsys, monkeypatch):
+    """Against a fit to the begin of the bag, by --to, whose end is looked at by --validate."""
+    said, judged = [], []
+    own = identified.judge
+
+    def judge(found, checked, joints):
+        judged.append(checked)
+        return own(found, checked, joints)
+
+    monkeypatch.setattr(identified, 'judge', judge)
+    for words in ([], ['--hold-out', 0], ['--to', 10, '--hold-out', 0, '--validate', '10.33:15']):
+        capsys.readouterr()
+        assert run('identify', bags[0], *words, '--format', 'json') == 0
+        said.append(json.loads(capsys.readouterr().out))
+    assert next(iter(said[0])) == 'held_out' and said[1].pop('held_out') is None
+    held = said[0].pop('held_out')
+    assert said[0] == said[1]  # the robot is that of all samples
+    assert judged[0].share.tolist() == held['share'] and len(held['share']) == 3
+    assert 10.3 < held['from_s'] < 10.5 and held['to_s'] > 14.5
+    for share, errors in zip(held['share'], said[2]['torque_error_rms_nm'].values(), strict=True):
+        assert share == pytest.approx(errors['identified'] / errors['torque'], rel=0.3)
+        assert share < 0.01
+    assert run('identify', bags[0]) == 0
+    assert re.match(
+        r'held out, 10.\d to 14.\d s, fitted before: ', capsys.readouterr().out.strip()
+    )
+
+
 def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
     capsys.readouterr()
     assert run('identify', bags[1]) == 0
@@ -107,6 +135,12 @@ def test_a_bag_in_windows_gives_the_same(more, bags, capsys, monkeypatch):
         (['{still}', '--rest', '--out', '{tmp}/y'], '--rest identifies no robot'),
         (['{tmp}/none'], 'none'),
         (['{excited}', '--validate', '{excited}'], '--validate needs another bag'),
+        (
+            ['{excited}', '--validate', '5:15'],
+            '--validate 5:15 is a part of what is fitted',
+        ),
+        (['{excited}', '--hold-out', '1.5'], '--hold-out must be from 0 to 0.9, not 1.5'),
+        (['{still}', '--rest', '--hold-out', '0.2'], '--rest identifies no robot: no --hold-out'),
         (['{excited}', '--validate', '{still}'], 'the robot stood still'),
         (['{excited}', '--cutoff', 'nan'], '--cutoff must be a frequency in Hz, not nan'),
         (['{excited}', '--cutoff', '0'], '--cutoff must be positive and at most 100 Hz'),

@@ -1,6 +1,9 @@
 """A described machine identified from a noisy run, and an exciting motion for it."""
 
 import json
+import os
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -62,6 +65,35 @@ def test_a_run_with_noise_gives_the_torques_and_their_parameters(bags, tmp_path,
     overrides = config.flat(yaml.safe_load(out.read_text()))
     robot = resolve('five_bar_circle', overrides)
     assert robot['robot.mass_factor'] != [1.0] * 4 and robot['robot.payload'] == 0.0
+
+
+def test_the_file_is_the_same_to_the_byte_whatever_the_threads(bags, tmp_path):
+    """Of another process each, as the number of threads is read where NumPy is loaded."""
+    written = []
+    for threads in ('1', '2'):
+        out = tmp_path / threads
+        words = [sys.executable, '-m', 'parallel_robot', 'identify', bags[0], '--out', out]
+        environment = {**os.environ, 'OPENBLAS_NUM_THREADS': threads}
+        subprocess.run(words, env=environment, check=True, capture_output=True)
+        written.append(out.read_bytes())
+    assert written[0] == written[1]
+
+
+def test_bounds_of_the_command_are_told_when_they_act(bags, capsys):
+    free = bag_identification.identify(bags[0])
+    parameters = free.found.nominal.robot.parameters._replace(**free.found.robot.robot)
+    mass = free.found.nominal.robot.module.mechanism(parameters).mass.sum()
+    capsys.readouterr()
+    assert run('identify', bags[0], '--bounds', f'mass={1.2 * mass}:') == 0
+    assert f'bound active: mass from {1.2 * mass:.4g} to inf' in capsys.readouterr().out
+    for words, message in (
+        (['mass'], "--bounds takes NAME=LOW:HIGH, not 'mass'"),
+        (['mass=a:b'], "--bounds takes NAME=LOW:HIGH, not 'mass=a:b'"),
+        (['mas=1:2'], "'mas'"),
+    ):
+        assert run('identify', bags[0], '--bounds', *words) == 2
+        error = capsys.readouterr().err
+        assert message in error and error.count('\n') == 1
 
 
 def test_intervals_cover_the_true_parameters(bags):

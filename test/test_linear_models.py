@@ -27,12 +27,19 @@ def test_the_regressor_gives_the_torques_of_the_model(case):  # noqa: F811
         assert np.allclose(Y[0] @ values, expected, rtol=1e-9, atol=1e-12)
 
 
-def test_free_keys_are_parameters_that_change_the_torques(case):  # noqa: F811
-    linear = case.robot.linear_model
-    before = linear.values(case.parameters)
-    for key, (low, high) in linear.free(case.parameters).items():
-        value = getattr(case.parameters, key)
-        assert np.all(low <= np.array(value)) and np.all(np.array(value) <= high)
-        more = tuple(1.1 * np.array(value)) if isinstance(value, tuple) else 1.1 * value
-        changed = linear.values(case.parameters._replace(**{key: more}))
-        assert not np.array_equal(before, changed), key
+def test_bodies_are_those_of_the_parameters_and_give_them_back(case):  # noqa: F811
+    linear, rng = case.robot.linear_model, np.random.default_rng(3)
+    bodies = linear.bodies(case.parameters)
+    for k in range(3):
+        numbers = bodies.numbers
+        if k:  # of other bodies: what can be built is convex, and so is a cone
+            numbers = numbers * rng.uniform(0.99, 1.01, len(numbers))
+        assert all(np.linalg.eigvalsh(each @ numbers)[0] > 0.0 for each in bodies.pseudo_inertias)
+        given = linear.parameters(case.parameters, numbers)
+        changed = case.robot.validate(case.parameters._replace(**given))
+        expected = bodies.linear @ numbers + bodies.fixed
+        assert np.allclose(linear.values(changed), expected, rtol=1e-9, atol=1e-12)
+        assert np.allclose(linear.bodies(changed).numbers, numbers, rtol=1e-9, atol=1e-12)
+        for name, known in bodies.known.items():
+            rows = known.rows(known.low, known.high)
+            assert (rows @ np.append(numbers, 1.0) >= 0.0).all(), name

@@ -29,7 +29,7 @@ PACKAGE = ElementTree.parse(ROOT / 'package.xml').getroot()
 NAME = PACKAGE.findtext('name')
 DEPENDENCIES = {element.text for element in PACKAGE.iter('exec_depend')}
 ROS = {key for key in DEPENDENCIES if not key.startswith('python3-')}
-PIP = {'lz4', 'mcap', 'plotly', 'zstandard'}  # of which rosdep knows nothing
+PIP = {'lz4', 'mcap', 'plotly', 'threadpoolctl', 'zstandard'}  # of which rosdep knows nothing
 WITH_NUMBA = {'llvmlite'}  # a dependency of Numba, of the version that it needs
 OPTIONAL = (
     'export',

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, overload
 
@@ -154,6 +154,8 @@ def identify(
     out: Place | None = None,
     figure: Place | None = None,
     cutoff: float | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    hold_out: float | None = None,
     **options: Any,
 ) -> Identification: ...
 @overload
@@ -176,6 +178,8 @@ def identify(
     out: Place | None = None,
     figure: Place | None = None,
     cutoff: float | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    hold_out: float | None = None,
     design: Place | None = None,
     trials: int | None = None,
     seed: int | None = None,
@@ -198,6 +202,9 @@ def identify(
         out: YAML file of the robot, for ``param_file``, which must not exist; default: none.
         figure: Picture of the torques, measured and predicted; likewise.
         cutoff: Bandwidth of the regression [Hz]; default: 10, or a tenth of the rate.
+        bounds: What is known of the robot, e.g. ``{'mass': (25, 35)}``.
+        hold_out: Share of the time, at the end, on which a fit to what is before it is judged;
+            default: a third.
         design: Scenario with an exciting motion of which better coefficients are searched for: in
             place of a bag.
         trials: Number of motions to try for it; default: 2500.
@@ -227,6 +234,8 @@ def identify(
         'validate': validate,
         'figure': figure,
         'cutoff': cutoff,
+        'bounds': bounds,
+        'hold-out': hold_out,
         'trials': trials,
         'seed': seed,
         'set': values,
@@ -246,6 +255,7 @@ def identify(
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == bag_identification.REST:
         return bag_identification.at_rest(place, view)
-    found = bag_identification.identify(place, second, cutoff, view)
+    share = bag_identification.HOLD_OUT if hold_out is None else hold_out
+    found = bag_identification.identify(place, second, cutoff, view, bounds, share)
     found.write(robot, picture)
     return found

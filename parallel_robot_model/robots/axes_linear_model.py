@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.robots.contract import Bodies, amount
 
 NAMES = 'inertia1, inertia2, ...: motor and load of each axis'
 
@@ -21,9 +22,17 @@ def values(robot: Any) -> Array:
     return np.array(robot.inertia)
 
 
-def free(robot: Any) -> dict[str, tuple[float, float]]:
-    """The inertia is positive."""
-    return {'inertia': (0.0, np.inf)}
+def bodies(robot: Any) -> Bodies:
+    """Each axis has an inertia."""
+    each = np.eye(len(robot.inertia))
+    known = {f'inertia{axis}': amount(row) for axis, row in enumerate(each, 1)}
+    blocks = tuple(row[np.newaxis, np.newaxis] for row in each)
+    return Bodies(np.array(robot.inertia), each, np.zeros(len(each)), blocks, known)
+
+
+def parameters(robot: Any, numbers: Array) -> dict[str, Any]:
+    """The inertias."""
+    return {'inertia': tuple(numbers)}
 
 
 def regressor(

@@ -11,7 +11,7 @@ of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -368,6 +368,65 @@ def _quaternions(poses: Array, turns: Sequence[int]) -> tuple[Array, Array]:
 # be identified. The functions are NumPy, not kernels.
 
 
+class Known(NamedTuple):
+    """Something of a robot that its owner may know, with the range that is assumed otherwise.
+
+    Attributes:
+        low: Least value.
+        high: Greatest value.
+        rows: For such a range, of which one end may be infinite: rows r with r (numbers, 1) >= 0,
+            shape (R, Z + 1).
+    """
+
+    low: float
+    high: float
+    rows: Callable[[float, float], Array]
+
+
+class Bodies(NamedTuple):
+    """Numbers z of a robot's bodies, in which its equations of motion are linear.
+
+    Attributes:
+        numbers: z of a robot that can be built, as near to this one as possible, shape (Z,).
+        linear: p = linear z + fixed, shape (P, Z).
+        fixed: Shape (P,).
+        pseudo_inertias: Second moments of the mass of each body with its centre and its mass, or
+            a part of them: symmetric, positive definite, linear in z, each of shape (k, k, Z).
+        known: What its owner may know, by name.
+    """
+
+    numbers: Array
+    linear: Array
+    fixed: Array
+    pseudo_inertias: tuple[Array, ...]
+    known: dict[str, Known]
+
+
+def amount(row: Array, low: float = -np.inf, high: float = np.inf) -> Known:
+    """What is row z."""
+
+    def rows(low: float, high: float) -> Array:
+        ends = [np.append(sign * row, -sign * end) for sign, end in ((1.0, low), (-1.0, high))]
+        return np.array(ends)[np.isfinite([low, high])]
+
+    return Known(low, high, rows)
+
+
+def within(second: Array, first: Array, mass: Array, low: float, high: float) -> Known:
+    """Where along a line the mass of a body lies; 0 as second moment: where its centre does.
+
+    Of a body between two places, the mean of (x - low) (high - x) is not negative.
+    """
+
+    def rows(low: float, high: float) -> Array:
+        ends = [first - low * mass, high * mass - first]
+        if second.any():
+            ends = [(low + high) * first - second - low * high * mass]
+        return np.pad(ends, ((0, 0), (0, 1)))
+
+    return Known(low, high, rows)
+
+
 class LinearModel(Protocol):
     """M thdd + Q thd + gravity = Y(theta, thd, thdd) p, with p the parameters of the inertia.
 
@@ -402,5 +461,8 @@ class LinearModel(Protocol):
             Shape (N, n, P).
         """
 
-    def free(self, robot: Any, /) -> dict[str, tuple[float, float]]:
-        """Keys of the robot on which p depends, with their physical range."""
+    def bodies(self, robot: Any, /) -> Bodies:
+        """What the robot is made of."""
+
+    def parameters(self, robot: Any, numbers: Array, /) -> dict[str, Any]:
+        """The keys of the robot on which p depends, with their values for numbers of bodies."""

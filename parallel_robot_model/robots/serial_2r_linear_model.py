@@ -11,6 +11,10 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.robots import planar_links
+from parallel_robot_model.robots.contract import Bodies
+
+OTHERS = ('mp',)
 
 NAMES = (
     'a = I1 + m1 lc1^2 + (m2 + mp) l1^2, b = I2 + m2 lc2^2 + mp l2^2, h = l1 (m2 lc2 + mp l2), '
@@ -36,10 +40,17 @@ def values(robot: Any) -> Array:
     )
 
 
-def free(robot: Any) -> dict[str, tuple[float, float]]:
-    """Masses and inertias are positive, centres of mass lie on their links."""
-    positive = dict.fromkeys(('m1', 'm2', 'mp', 'I1', 'I2'), (0.0, np.inf))
-    return {**positive, 'lc1': (0.0, robot.l1), 'lc2': (0.0, robot.l2)}
+def bodies(robot: Any) -> Bodies:
+    """Two links and the payload."""
+    l1, l2 = robot.l1, robot.l2
+    a, b = {'J1': 1.0, 'm2': l1**2, 'mp': l1**2}, {'J2': 1.0, 'mp': l2**2}
+    h, w = {'h2': l1, 'mp': l1 * l2}, {'h1': 1.0, 'm2': l1, 'mp': l1}
+    return planar_links.bodies(robot, OTHERS, [a, b, h, w])
+
+
+def parameters(robot: Any, numbers: Array) -> dict[str, Any]:
+    """Masses, inertias and centres of mass."""
+    return planar_links.parameters(robot, OTHERS, numbers)
 
 
 def regressor(

@@ -22,7 +22,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='only the noise of the sensors, e.g. of a robot whose drives are off',
     )
     parser.add_argument(
-        '--validate', type=Path, metavar='BAG', help='another bag, whose torques are predicted'
+        '--validate',
+        type=Path,
+        metavar='BAG',
+        help='another bag, whose torques are predicted, or FROM:TO [s], a part of this one',
+    )
+    parser.add_argument(
+        '--hold-out',
+        type=float,
+        metavar='SHARE',
+        help='share of the time, at the end, on which a fit to what is before it is judged, '
+        'default a third; 0: none',
     )
     parser.add_argument(
         '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
@@ -39,6 +49,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=float,
         metavar='HZ',
         help=f'bandwidth, default {CUTOFF:g}, or a tenth of the rate',
+    )
+    parser.add_argument(
+        '--bounds',
+        action='append',
+        default=[],
+        metavar='NAME=LOW:HIGH',
+        help='what is known: mass [kg] of all, payload, m[LINK], x[LINK], y[LINK] or z[LINK], '
+        "between which [m] a link's mass lies in its frame; may be repeated",
     )
     parser.add_argument(
         '--design',
@@ -58,6 +76,7 @@ def execute(arguments: argparse.Namespace) -> int:
         'set': arguments.assignments,
         'param-file': arguments.param_files,
         'topic': arguments.topics,
+        'hold-out': arguments.hold_out,
         'from': arguments.start,
         'to': arguments.stop,
     }
@@ -70,7 +89,12 @@ def execute(arguments: argparse.Namespace) -> int:
         still = bag_identification.at_rest(bag, view)
         show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0
-    found = bag_identification.identify(bag, arguments.validate, arguments.cutoff, view)
+    bounds = bag_identification.bounds_of(arguments.bounds)
+    share = arguments.hold_out
+    share = bag_identification.HOLD_OUT if share is None else share
+    found = bag_identification.identify(
+        bag, arguments.validate, arguments.cutoff, view, bounds, share
+    )
     warn(found.warnings)
     found.write(arguments.out, arguments.figure)
     files = {'robot': arguments.out, 'figure': arguments.figure}

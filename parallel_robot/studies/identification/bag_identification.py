@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Real
 from pathlib import Path
@@ -21,12 +21,17 @@ from parallel_robot.studies.identification import identified, least_squares, mot
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
+from parallel_robot.studies.identification.physical_robot import Bounds
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.configuration.fields import group, known
+from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_sim.plant import PlantParameters
+
+HOLD_OUT = 1.0 / 3.0  # of the time, at the end
+MOST_HELD_OUT = 0.9
 
 
 @dataclass(frozen=True, repr=False)
@@ -59,6 +64,7 @@ class Identification(ShownResult):
         units = self.found.nominal.robot.joint_units
         title = units.label(f'torque error, rms, {of} [N m]')
         return [
+            *readable.held_out(self.found, self.joints),
             *readable.parts(self.found),
             readable.prediction(title, self.checked, self.joints),
             *(self.lag.parts() if self.lag else []),
@@ -103,19 +109,26 @@ def check_files(out: Path | None, figure: Path | None) -> None:
         figures.check_new(figure)
 
 
+@one_blas_thread()
 def identify(
     bag: Path,
     validate: Path | None = None,
     cutoff: float | None = None,
     view: BagView = AS_RECORDED,
+    bounds: Bounds | None = None,
+    hold_out: float = HOLD_OUT,
 ) -> Identification:
     """Identify the robot of a bag.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
-        validate: Another bag of the same robot, whose torques are predicted.
+        validate: Another bag of the same robot, whose torques are predicted, or FROM:TO [s]: that
+            part of the bag, of which `view` leaves another part.
         cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
         view: What they do not say themselves; the part of it is of the first one.
+        bounds: What is known of the robot: ranges by name.
+        hold_out: Share of the time, at the end, on which a fit to what is before it is judged; 0:
+            the robot is judged on what it was fitted to.
 
     Raises:
         BagError: one is no bag of a run, too little of it can be used, or of another robot; its
@@ -124,21 +137,26 @@ def identify(
     """
     if cutoff is not None and not (isinstance(cutoff, Real) and math.isfinite(cutoff)):
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
-    if validate and validate.resolve() == bag.resolve():
-        raise InputError(f'--validate needs another bag than {bag}')
+    if not (isinstance(hold_out, Real) and 0.0 <= hold_out <= MOST_HELD_OUT):
+        raise InputError(f'--hold-out must be from 0 to {MOST_HELD_OUT:g}, not {hold_out!r}')
+    window = _window(validate, bag, view)
+    if window:
+        validate = bag
+    elif validate and validate.resolve() == bag.resolve():
+        raise InputError(f'--validate needs another bag than {bag}, or FROM:TO, a part of it')
     first = _looked_through(bag, view)
     nominal = identified.nominal_of(first.log)
     warnings: list[str] = []
     second = None
     if validate:
-        second = _looked_through(validate, view._replace(start=None, stop=None))
+        second = _looked_through(validate, window or view._replace(start=None, stop=None))
         identified.check_same_robot(first.log, second.log)
         warnings += second.warnings
     warnings += first.warnings
     if cutoff is None:
         cutoff = min(CUTOFF, highest_cutoff(first.motion))
     with _naming(bag, first.log.joints_differ.text):
-        found = identified.identify(nominal, first.motion, cutoff)
+        found = identified.identify(nominal, first.motion, cutoff, bounds, hold_out)
     if found.left.doubt:
         warnings.append(f'{bag}: {found.left.doubt}')
     if second is None or validate is None:
@@ -148,7 +166,8 @@ def identify(
             guess = identified.nominal_of(second.log).guess
             checked = identified.predict(found, second.motion, guess, cutoff)
     with _naming(validate or bag):
-        doubt = identified.judge(found, checked, first.log.joints)
+        unseen = checked if second else found.held_out or checked
+        doubt = identified.judge(found, unseen, first.log.joints)
     warnings += [f'{validate or bag}: {doubt}'] if doubt else []
     return Identification(
         bag,
@@ -160,6 +179,23 @@ def identify(
         first.lag,
         tuple(warnings),
     )
+
+
+def _window(validate: Path | None, bag: Path, view: BagView) -> BagView | None:
+    """The part of the bag that validates, if FROM:TO was given in place of a bag."""
+    ends = str(validate).split(':')
+    try:
+        begin, end = map(float, ends)
+    except ValueError:
+        return None
+    start, stop = view.start or 0.0, np.inf if view.stop is None else view.stop
+    if begin < stop and start < end:
+        fitted = f'{start:g} to {stop:g} s'.replace('inf s', 'the end')
+        raise InputError(
+            f'--validate {validate} is a part of what is fitted, {fitted} of {bag}: '
+            '--from or --to leaves it out'
+        )
+    return view._replace(start=begin, stop=end)
 
 
 class _LookedThrough(NamedTuple):
@@ -225,6 +261,26 @@ def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
     return found
 
 
+def bounds_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Ranges from words ``NAME=LOW:HIGH``, of which one end may be left out.
+
+    Raises:
+        InputError: a word is none.
+    """
+    found = {}
+    for word in words:
+        name, _, text = word.rpartition('=')
+        low, colon, high = text.partition(':')
+        try:
+            ends = float(low or -np.inf), float(high or np.inf)
+        except ValueError:
+            colon = ''
+        if not (name and colon):
+            raise InputError(f'--bounds takes NAME=LOW:HIGH, not {word!r}')
+        found[name] = ends
+    return found
+
+
 @contextlib.contextmanager
 def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
     """Errors of a bag with its name, and with what else is in doubt."""
@@ -239,6 +295,7 @@ def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
 # What identifying is asked for: a robot, only the noise at rest, or an exciting motion.
 
 ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
+OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out')
 OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'from', 'to')
 
 
@@ -255,12 +312,11 @@ def mode(options: Mapping[str, Any]) -> str:
     if (options['bag'] is None) == (options['design'] is None):
         raise InputError('identify takes either a bag or --design SCENARIO')
     if options['design'] is not None:
-        none = ('rest', 'validate', 'figure', 'cutoff', *OF_BAG)
+        none = ('rest', *OF_ROBOT, *OF_BAG)
         refuse(options, none, '--design reads no bag: no {}')
         return DESIGN
     refuse(options, ('trials', 'seed'), '{} goes with --design alone')
     if options['rest']:
-        refused, why = ('out', 'validate', 'figure', 'cutoff'), '--rest identifies no robot: no {}'
-        refuse(options, refused, why)
+        refuse(options, ('out', *OF_ROBOT), '--rest identifies no robot: no {}')
         return REST
     return ROBOT

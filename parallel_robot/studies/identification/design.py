@@ -28,6 +28,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.configuration.fields import Field, check, group
+from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import units_of
 from trajectory_gen.configuration import trajectory_of
@@ -241,6 +242,7 @@ class Designed(ShownResult):
         output.save(path, (comment + readable.dump(tree)).encode())
 
 
+@one_blas_thread()
 def search(
     scenario: str, changes: Mapping[str, Any], trials: int | None = None, seed: int | None = None
 ) -> Designed:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import contextlib
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -10,16 +11,21 @@ import numpy as np
 
 from parallel_robot.bags.run import two_sources
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot.studies.identification import base_parameters, least_squares, regression_rows
+from parallel_robot.studies.identification import (
+    base_parameters,
+    least_squares,
+    physical_robot,
+    regression_rows,
+)
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot.studies.identification.least_squares import (
     Fit,
-    PhysicalRobot,
     Squares,
     Uncertainty,
     Unexplained,
 )
-from parallel_robot.studies.identification.measured_motion import Motion
+from parallel_robot.studies.identification.measured_motion import Begin, Motion
+from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import Rows, SomeRows
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
@@ -78,6 +84,7 @@ class Identified:
     rows: Rows  # some of them, evenly, see :class:`SomeRows`
     delay: Delay  # how much older positions are than torques of the same stamp
     period: float  # time between two states [s]
+    held_out: Prediction | None  # end of the motion by a robot that was fitted to what is before
 
     @property
     def left(self) -> Unexplained:
@@ -95,6 +102,11 @@ class Prediction:
     nominal_error: Array  # the same of the nominal robot
     size: Array  # rms of the measured torques per joint [N m], shape (n,)
 
+    @property
+    def share(self) -> Array:
+        """The errors over the torques, shape (n,)."""
+        return self.error / np.maximum(self.size, 1e-300)
+
 
 def nominal_of(log: RunLog) -> Nominal:
     """What a bag's configuration says of the robot.
@@ -106,33 +118,59 @@ def nominal_of(log: RunLog) -> Nominal:
     return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
 
 
-def identify(nominal: Nominal, motion: Motion, cutoff: float) -> Identified:
+def identify(
+    nominal: Nominal,
+    motion: Motion,
+    cutoff: float,
+    bounds: Bounds | None = None,
+    hold_out: float = 0.0,
+) -> Identified:
     """Identify a robot.
 
     Args:
         nominal: The nominal robot, of which the geometry is taken to be true.
         motion: Its motion.
         cutoff: Bandwidth of the regression [Hz].
+        bounds: What is known of the robot: ranges of what can be known of its bodies, by name.
+        hold_out: Share of the time, at the end, that is predicted by a fit to what is before it;
+            the robot is then fitted to all.
 
     Raises:
-        InputError: the robot has no linear model, or the cut-off frequency does not fit.
+        InputError: the robot has no linear model, the cut-off frequency does not fit, or no robot
+            is within the bounds.
         BagError: too little of the recording can be used, or a sample has no pose.
     """
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     friction, sizes = nominal.both_frictions, base_parameters.sizes(nominal.robot)
     before, scale = base.of(nominal.inertia, *friction), base.scale(sizes, *friction)
-    regression = _Regression(nominal, base, motion, cutoff)
-    squares, rows, fit, delay = _fit(regression, before, scale)
-    robot = least_squares.nearest_physical_robot(
-        nominal.robot, base, fit, scale, nominal.both_frictions
-    )
+
+    def fitted(part: Motion) -> tuple[Squares, Rows, Fit, Delay, PhysicalRobot]:
+        squares, rows, fit, delay = _fit(_Regression(nominal, base, part, cutoff), before, scale)
+        frictions = nominal.both_frictions
+        robot = physical_robot.nearest(nominal.robot, base, fit, scale, frictions, bounds)
+        return squares, rows, fit, delay, robot
+
+    held_out = None
+    if hold_out:
+        split = next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration
+        with contextlib.suppress(BagError):  # too little of the motion is before that
+            *_, delay, robot = fitted(Begin(motion, split))
+            late = delay.value if delay.counts else 0.0
+            after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
+            whole = _Regression(nominal, base, motion, cutoff).rows(late)
+            parts = [part.of(part.time > after) for part in whole]
+            known = [part for part in parts if part.known.any()]
+            held_out = _compared(robot.values, before, known) if known else None
+    squares, rows, fit, delay, robot = fitted(motion)
     # A size that was believed to be small is that of the estimate.
     poor = least_squares.poorly_determined(
         fit, base.names, np.maximum(scale, np.abs(fit.values)), scale
     )
     period = motion.period
-    return Identified(nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period)
+    return Identified(
+        nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period, held_out
+    )
 
 
 def predict(found: Identified, motion: Motion, guess: Array, cutoff: float) -> Prediction:
@@ -149,21 +187,24 @@ def predict(found: Identified, motion: Motion, guess: Array, cutoff: float) -> P
     """
     nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
     late = found.delay.value if found.delay.counts else 0.0
-    some = SomeRows()
-    regression = _Regression(nominal, found.base, motion, cutoff)
-    squares = least_squares.squares_of(some.seen(regression.rows(late)))
-    return _compared(found, squares, some.whole())
+    rows = _Regression(nominal, found.base, motion, cutoff).rows(late)
+    return _compared(found.robot.values, found.before, rows)
 
 
 def compare(found: Identified) -> Prediction:
     """Predict the torques of the run from which the robot was identified."""
-    return _compared(found, found.squares, found.rows)
+    return _prediction(found.robot.values, found.before, found.squares, found.rows)
 
 
-def _compared(found: Identified, squares: Squares, rows: Rows) -> Prediction:
-    values = found.robot.values
+def _compared(values: Array, before: Array, parts: Iterable[Rows]) -> Prediction:
+    some = SomeRows()
+    squares = least_squares.squares_of(some.seen(parts))
+    return _prediction(values, before, squares, some.whole())
+
+
+def _prediction(values: Array, before: Array, squares: Squares, rows: Rows) -> Prediction:
     error, nominal_error, size = (
-        squares.rms(each) for each in (values, found.before, np.zeros(len(values)))
+        squares.rms(each) for each in (values, before, np.zeros(len(values)))
     )
     return Prediction(rows, rows.Y @ values, error, nominal_error, size)
 
@@ -222,8 +263,9 @@ def check_same_robot(first: RunLog, second: RunLog) -> None:
     Raises:
         BagError: with the first key that differs.
     """
+    robot = robot_of(first.config).parameters
     model = base_parameters.linear_model(robot_of(first.config))
-    free = {f'robot.{key}' for key in model.free(robot_of(first.config).parameters)}
+    free = {f'robot.{key}' for key in model.parameters(robot, model.bodies(robot).numbers)}
     keys = ['robot_model', 'joints']
     keys += [key for key in first.config if key.startswith('robot.') and key not in free]
     for key in keys:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -164,6 +164,24 @@ class RunMotion:
             yield MeasuredMotion(log.time[chosen], position, effort, usable), faulted
 
 
+@dataclass(frozen=True)
+class Begin:
+    """What of a motion is before a time."""
+
+    whole: Motion
+    stop: float  # the time [s]
+
+    def __getattr__(self, name: str) -> Any:
+        """Period, speed and what is left out, of the whole; `count` and `duration` likewise."""
+        return getattr(self.whole, name)
+
+    def windows(self) -> Iterator[MeasuredMotion]:
+        """Parts that follow each other."""
+        for window in self.whole.windows():
+            if window.time[0] < self.stop:
+                yield window.rows(window.time < self.stop)
+
+
 class _Speed:
     """rms of the rate of each joint over SPAN, window by window."""
 
@@ -240,4 +258,4 @@ def _faulted(stamps: NDArray[np.int64], statuses: Sequence[ControllerStatus]) ->
     return faulted[np.searchsorted(begins, stamps, side='right')]
 
 
-Motion: TypeAlias = MeasuredMotion | RunMotion
+Motion: TypeAlias = MeasuredMotion | RunMotion | Begin

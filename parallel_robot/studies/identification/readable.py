@@ -44,6 +44,7 @@ def parts(found: Identified) -> list[Part]:
             'constraint active: no robot that can be built has these estimates; the nearest one '
             f'is {robot.misfit:.2g} standard errors away'
         )
+    parts += [f'bound active: {each}' for each in robot.bounds]
     keys = [
         [f'robot.{key}{index}', f'{number:.5g}', f'{before:.5g}']
         for key, value in robot.robot.items()
@@ -81,11 +82,34 @@ def prediction(title: str, found: Prediction, joints: Sequence[str]) -> Table:
     return Table([title, *joints], cells)
 
 
+def held_out(found: Identified, joints: Sequence[str]) -> list[Part]:
+    """Errors of the torques that were not fitted, relative."""
+    held = found.held_out
+    if held is None:
+        return []
+    begin, end = held.rows.time[0], held.rows.time[-1]
+    before = held.nominal_error / np.maximum(held.size, 1e-300)
+    rows = [
+        [name, *(f'{100.0 * each:.3g}' for each in shares)]
+        for name, shares in (('identified', held.share), ('before', before))
+    ]
+    title = f'held out, {begin:.3g} to {end:.3g} s, fitted before: error, % of torque, rms'
+    return [Table([title, *joints], rows)]
+
+
 def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> dict[str, Any]:
     """All results as plain data, for JSON; None for what the motion does not show."""
     fit, robot = found.fit, found.robot
     known = fit.standard_errors < 0.1 * UNKNOWN * found.scale
+    held = found.held_out
     return {
+        'held_out': held
+        and {
+            'from_s': float(held.rows.time[0]),
+            'to_s': float(held.rows.time[-1]),
+            'share': held.share.tolist(),
+            'share_before': (held.nominal_error / np.maximum(held.size, 1e-300)).tolist(),
+        },
         'robot_model': found.nominal.robot.name,
         'duration_s': found.squares.duration,
         'rows': found.squares.count,
@@ -120,6 +144,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         ],
         'constraint_active': robot.active,
         'misfit_standard_errors': robot.misfit,
+        'bounds_active': list(robot.bounds),
         'robot': robot.robot,
         'robot_before': {key: robot.nominal[key] for key in robot.robot},
         'friction': {'viscous': robot.viscous.tolist(), 'coulomb': robot.coulomb.tolist()},
@@ -177,8 +202,8 @@ def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]
             )
         ),
         f'with {model.NAMES}.',
-        'They do not fix each mass: of all robots that have them, this is the one with the least',
-        'relative change from the configuration of the bag; centres of mass change last.',
+        'They do not fix each mass: of all robots that have them, this is the one whose bodies',
+        'are nearest to those of the configuration of the bag.',
     ]
     if kept:
         lines.append(f'Unchanged: {", ".join(kept)}.')
@@ -187,6 +212,7 @@ def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]
             'No robot that can be built has the estimates themselves: this one is the nearest, '
             f'{robot.misfit:.2g} standard errors away.'
         )
+    lines += [f'Bound active: {each}.' for each in robot.bounds]
     if noise:
         lines.append('The noise of the sensors is that at rest.')
     comment = ''.join(f'# {line}\n' for line in lines)

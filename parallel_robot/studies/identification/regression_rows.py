@@ -65,7 +65,7 @@ class Rows:
             return 0.0
         return float(np.median(np.diff(self.time)) * len(self.time))
 
-    def of(self, some: slice) -> Rows:
+    def of(self, some: slice | NDArray[np.bool_]) -> Rows:
         """Some of the rows."""
         return Rows(*(getattr(self, name)[some] for name in Rows.__annotations__))
 

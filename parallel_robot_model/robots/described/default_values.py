@@ -71,6 +71,7 @@ def defaults_of(made: Machine, chosen: Mapping[str, Any]) -> dict[str, Any]:
             'mass_factor': [1.0] * len(made.names),
             'spread_factor': [1.0] * 3 * len(made.names),
             'centre_shift': [0.0] * 3 * len(made.names),
+            'inertia_shift': [0.0] * 6 * len(made.names),
             'armature': made.mechanism.armature[made.mechanism.actuated].tolist(),
             'payload': 0.0,
             'shift': [0.0] * (3 * len(made.names) + 6 * len(loops(made.mechanism))),

@@ -51,6 +51,14 @@ class Parameters(NamedTuple):
         tuple[float, ...],
         Field('m', "by which each link's centre of mass lies elsewhere, x, y, z in its frame"),
     ]
+    inertia_shift: Annotated[
+        tuple[float, ...],
+        Field(
+            'kg m^2',
+            "by which each link's Ixx, Ixy, Ixz, Iyy, Iyz, Izz about its centre of mass are "
+            'greater, before the mass factor',
+        ),
+    ]
     armature: Annotated[
         PerJoint,
         Field('kg m^2', 'inertia of the rotors as felt at the joints; kg for a slide', 0.0),

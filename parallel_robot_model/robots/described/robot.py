@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, optional, printable
+from parallel_robot_model.common.errors import InputError, RobotError, optional, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
@@ -52,7 +52,8 @@ from parallel_robot_model.robots.described.default_values import (
     defaults_of,
 )
 from parallel_robot_model.robots.described.kernels import Constants, constants
-from parallel_robot_model.robots.described.masses import LinearMachine, weighing
+from parallel_robot_model.robots.described.linear_machine import LinearMachine
+from parallel_robot_model.robots.described.masses import possible, weighing
 from parallel_robot_model.robots.described.parameters import MotionLimits, Parameters
 from parallel_robot_model.robots.described.shifting import loops, pose_slopes, shifted
 from parallel_robot_model.robots.described.tree import DescribedTree
@@ -63,7 +64,7 @@ TOO_NEAR = (  # a key of MotionLimits, and what is below it
     ('min_tool', 'type 1 singularity, {} of the tool margin at home'),
     ('min_travel', 'end of travel of a passive joint or a tendon, {} left'),
 )
-SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3}  # of a link
+SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3, 'inertia_shift': 6}  # of a link
 
 
 class DescribedRobot:
@@ -143,6 +144,9 @@ class DescribedRobot:
         if given != count:
             what = f'{name}.shift must be {count} numbers, 3 for each joint and each end of a loop'
             raise InputError(f'{what}, not {given}', f'{name}.shift')
+        for link in np.flatnonzero(~possible(made.mechanism, robot)):
+            what = f'{name}.inertia_shift: no body has such moments of inertia'
+            raise RobotError(f'{what} ({printable(made.names[link])})', f'{name}.inertia_shift')
         self.mechanism(robot)
         return robot
 

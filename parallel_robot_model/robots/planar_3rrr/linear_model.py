@@ -12,11 +12,16 @@ platform centre to its three joints, which belong to the distal links as well.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.robots import planar_links
+from parallel_robot_model.robots.contract import Bodies
 from parallel_robot_model.robots.planar_3rrr.kinematics import RobotParameters
 
+OTHERS = ('Ip', 'mp')
 NAMES = (
     'a = I1 + m1 lc1^2 + m2 l1^2, b = I2 + m2 lc2^2, h = m2 l1 lc2, all legs alike; '
     'Ip, mp: inertia and mass of the platform'
@@ -35,10 +40,16 @@ def values(robot: RobotParameters) -> Array:
     return np.array([a, b, robot.m2 * robot.l1 * robot.lc2, robot.Ip, robot.mp])
 
 
-def free(robot: RobotParameters) -> dict[str, tuple[float, float]]:
-    """Masses and inertias are positive, centres of mass lie on their links."""
-    positive = dict.fromkeys(('m1', 'm2', 'mp', 'I1', 'I2', 'Ip'), (0.0, np.inf))
-    return {**positive, 'lc1': (0.0, robot.l1), 'lc2': (0.0, robot.l2)}
+def bodies(robot: RobotParameters) -> Bodies:
+    """The links of a leg and the platform."""
+    a, h = {'J1': 1.0, 'm2': robot.l1**2}, {'h2': robot.l1}
+    linear = [a, {'J2': 1.0}, h, {'Ip': 1.0}, {'mp': 1.0}]
+    return planar_links.bodies(robot, OTHERS, linear, len(robot.base_x))
+
+
+def parameters(robot: RobotParameters, numbers: Array) -> dict[str, Any]:
+    """Masses, inertias and centres of mass."""
+    return planar_links.parameters(robot, OTHERS, numbers)
 
 
 def regressor(
