@@ -32,6 +32,7 @@ from parallel_robot_model.robots.joint_load import (
     DisturbanceParameters,
     FrictionParameters,
     JointLoad,
+    check_friction,
 )
 from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
 from parallel_robot_model.robots.robot_checks import refuse_mistakes
@@ -147,6 +148,7 @@ def _plant_from(
     parameters = groups.at('true_robot', robot.Parameters)
     sensor, actuator = groups[SensorParameters], groups[ActuatorParameters]
     friction = groups[FrictionParameters]
+    check_friction(friction)
     true = robot_with(robot, loop, parameters, 'true_robot')
     return PlantConfiguration(
         loop,

@@ -15,6 +15,7 @@ from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference
 
 FACTOR = 'trajectory.speed_factor'
+SIGNS = 5  # corrections of a speed by the signs of what gears transmit at it
 RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples
 
 
@@ -46,16 +47,19 @@ def fastest(configuration: Configuration) -> Fastest:
     speed = speed_limit(configuration)
     # 2. Their torque: k^2 I + k V + C = a limit.
     least, greatest = torque_limits(configuration)
-    inertia, viscous, dry = torques(configuration, reference)
-    with np.errstate(divide='ignore', invalid='ignore'):
-        by_speed = speed / np.abs(reference.velocity)
-        upper = _least_root(inertia, viscous, dry - greatest)
-        lower = _least_root(inertia, viscous, dry - least)
-    by_torque = np.where((least < dry) & (dry < greatest), np.fmin(upper, lower), 0.0)
+    scale, signs = 1.0, SIGNS if any(configuration.plant.load.friction.load) else 1
+    for _ in range(signs):  # gears resist what they transmit at the speed that is found
+        inertia, viscous, dry = torques(configuration, reference, scale)
+        with np.errstate(divide='ignore', invalid='ignore'):
+            by_speed = speed / np.abs(reference.velocity)
+            upper = _least_root(inertia, viscous, dry - greatest)
+            lower = _least_root(inertia, viscous, dry - least)
+        by_torque = np.where((least < dry) & (dry < greatest), np.fmin(upper, lower), 0.0)
+        both = np.nan_to_num(np.minimum(by_speed, by_torque), nan=np.inf)
+        k, joint = np.unravel_index(both.argmin(), both.shape)
+        scale = float(both[k, joint])
     torque = np.where(dry[0] > 0.0, greatest, -least)
-    both = np.nan_to_num(np.minimum(by_speed, by_torque), nan=np.inf)
-    k, joint = np.unravel_index(both.argmin(), both.shape)
-    scale, name = float(both[k, joint]), configuration.loop.joints[joint]
+    name = configuration.loop.joints[joint]
     at_speed = by_speed[k, joint] <= by_torque[k, joint]
     units = trajectory.robot.joint_units.one(int(joint))
     limit, unit = (speed, units.of('rad/s')) if at_speed else (torque, units.of('N m'))
@@ -96,12 +100,15 @@ def torque_limits(configuration: Configuration) -> tuple[Array, Array]:
     return -back, forth
 
 
-def torques(configuration: Configuration, reference: Reference) -> tuple[Array, Array, Array]:
+def torques(
+    configuration: Configuration, reference: Reference, scale: float = 1.0
+) -> tuple[Array, Array, Array]:
     """Torque that the nominal robot with friction needs on a motion [N m], each shape (N, n).
 
     Args:
         configuration: The experiment.
         reference: The motion.
+        scale: How many times as fast it runs, for the sign of what gears transmit.
 
     Returns:
         That of inertia, that of viscous friction, that of dry friction and gravity.
@@ -114,8 +121,10 @@ def torques(configuration: Configuration, reference: Reference) -> tuple[Array, 
     held, moved = _along(estimate, robot.constants, margins, pose, joints, reference.pose, *rows)
     share = reference.velocity / friction.stribeck_velocity
     dry = np.array(friction.coulomb) + np.array(friction.stribeck) * np.exp(-share * share)
-    dry = dry * np.sign(reference.velocity)
-    return moved - held, np.array(friction.viscous) * reference.velocity, dry + held
+    sign, inertia = np.sign(reference.velocity), moved - held
+    driving = 1.0 + np.array(friction.load) * sign * np.sign(scale**2 * inertia + held)
+    dry = dry * sign + held * driving + np.array(friction.offset)
+    return inertia * driving, np.array(friction.viscous) * reference.velocity, dry
 
 
 @kernel

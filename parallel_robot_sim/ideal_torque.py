@@ -23,7 +23,7 @@ from parallel_robot_model.compiler import (
     write_row,
 )
 from parallel_robot_model.configuration.fields import PerJoint
-from parallel_robot_model.robots.joint_load import JointLoad, net_torque
+from parallel_robot_model.robots.joint_load import JointLoad, motor_torque
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import (
     Configuration,
@@ -164,7 +164,7 @@ def smooth(plant: PlantConfiguration) -> PlantConfiguration:
     return plant._replace(
         parameters=unlimited(plant.parameters),
         load=plant.load._replace(
-            friction=friction._replace(coulomb=zero, stribeck=zero),
+            friction=friction._replace(coulomb=zero, stribeck=zero, offset=zero, load=zero),
             disturbance=disturbance._replace(amplitude=zero),
         ),
         imperfections=plant.imperfections._replace(on=False),
@@ -293,8 +293,11 @@ class IdealTorque:
             torque = torque + np.array(drive.rotor_inertia) * acceleration
         # 2. Dry friction and disturbances are not.
         friction, disturbance = self._plant.load
-        still = PerJoint((0.0,) * len(self._plant.loop.joints))
-        rest = JointLoad(friction._replace(viscous=still), disturbance)
+        if any(friction.load):  # without viscous friction, which is no load of the gears
+            torque = torque - np.array(friction.viscous) * velocity
+        else:
+            friction = friction._replace(viscous=PerJoint((0.0,) * velocity.shape[1]))
+        rest = JointLoad(friction, disturbance)
         setup = motion.plant.setup._replace(imperfections=self._imperfections)
         ideal: Array = _with_loads(
             setup, rest, motion.plant.state.torque, torque, position, velocity, period, first
@@ -362,10 +365,9 @@ def _with_loads(
     for k in range(0 if first else 1, len(torque)):
         begin = (first + k - 1) * period
         rate = read_row(velocity, k, like)
-        # net_torque(t) = t - loads, so -net_torque(-t) = t + loads.
-        needed = -net_torque(load, -read_row(torque, k, like), rate, begin + 0.5 * period)
+        given = read_row(torque, k, like)
         if setup.imperfections.on:
             start = read_row(position, k, like) - 0.5 * period * rate
-            needed = needed + held_disturbance(setup, start, begin, period)
-        write_row(ideal, k, needed)
+            given = given + held_disturbance(setup, start, begin, period)
+        write_row(ideal, k, motor_torque(load, given, rate, begin + 0.5 * period))
     return ideal

@@ -64,7 +64,7 @@ def drive_of(
 
     Raises:
         InputError: a gear has play but no stiffness, or stiffness without a rotor; the sign of a
-            friction that sticks is smoothed.
+            friction that sticks is smoothed, or it depends on the load.
     """
     flexible = np.array(compliance.stiffness) > 0.0
     missing = flexible & (np.array(compliance.rotor_inertia) == 0.0)
@@ -75,6 +75,10 @@ def drive_of(
         key = 'friction.smoothing'
         what = f'must be 0 where joints stick (stiction.stiffness), not {friction.smoothing:g}'
         raise InputError(f'{key} {what}', key)
+    for joint, (by_load, sticks) in enumerate(zip(friction.load, stiction.stiffness, strict=True)):
+        if by_load and sticks:
+            what = f'must be 0 where joints stick (stiction.stiffness), not {by_load:g}'
+            raise InputError(f'friction.load {what} (joint {joint + 1})', 'friction.load')
     dry = np.add(friction.coulomb, friction.stribeck) > 0.0  # else there is nothing that sticks
     held = _where(dry, stiction.stiffness)
     damped = _where(np.array(held) > 0.0, stiction.damping)

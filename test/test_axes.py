@@ -50,7 +50,14 @@ def test_an_axis_for_each_inertia(n):
 def test_friction_and_disturbance_act_on_each_axis(n):
     viscous, coulomb, amplitude, phase = (np.abs(row(n, seed)) for seed in range(1, 5))
     load = JointLoad(
-        FrictionParameters(tuple(viscous), tuple(coulomb), (0.0,) * len(viscous), 0.01, 0.0),
+        FrictionParameters(
+            tuple(viscous),
+            tuple(coulomb),
+            (0.0,) * len(viscous),
+            0.01,
+            0.0,
+            *((0.0,) * len(viscous),) * 2,
+        ),
         DisturbanceParameters(tuple(amplitude), 1.5, tuple(phase)),
     )
     robot, q, torque, t = machine(n), row(n), 10 * row(n, 6), 0.37

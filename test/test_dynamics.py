@@ -27,7 +27,7 @@ STILL = np.zeros(3)
 MODEL = OnVectors(planar_3rrr)
 CONSTANTS = boxed(planar_3rrr, ROBOT)
 FREE = JointLoad(
-    FrictionParameters((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.01, 0.0),
+    FrictionParameters((0.0,) * 3, (0.0,) * 3, (0.0,) * 3, 0.01, 0.0, *((0.0,) * 3,) * 2),
     DisturbanceParameters((0.0,) * 3, 0.0, (0.0,) * 3),
 )
 

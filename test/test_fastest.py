@@ -62,6 +62,16 @@ def test_at_the_fastest_speed_the_plant_needs_the_torque_of_the_limit(scenario):
     assert 'N m' in made.text and abs(later.max() / limit - 1.0) < 0.05
 
 
+def test_a_gear_that_resists_what_it_transmits_takes_its_share_of_the_torque():
+    limits = {'safety.torque_limit': 5.0, 'trajectory.max_joint_speed': 1e3}
+    made = found('axes_step', **limits, **{'safety.speed_limit': 1e3, 'friction.load': 0.25})
+    u = np.linspace(0.0, 1.0, 20001)
+    rate = 1.5 / 2.0 * 30.0 * u**2 * (1.0 - u) ** 2
+    inertia = 0.5 * made.factor**2 * 1.5 / 4.0 * 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u)
+    torque = inertia + 0.25 * np.abs(inertia) + 0.8 * made.factor * rate + 0.15 * np.sign(rate)
+    assert abs(np.abs(torque).max() - 5.0) < 2e-3
+
+
 def test_what_no_speed_helps_is_refused():
     with pytest.raises(InputError, match='stands still'):
         found(**{'trajectory.shape': 'hold'})

@@ -47,6 +47,20 @@ def test_dry_friction_is_that_of_the_reference():
     assert (rubbing - still)[1:] == pytest.approx((coulomb * np.sign(velocity))[1:])
 
 
+def test_gears_resist_what_they_transmit_and_viscous_friction_is_none_of_it():
+    loads = {'friction.offset': 0.4, 'friction.load': 0.3, 'disturbance.constant': 0.7}
+    bare, geared = (
+        torque_of(
+            of('axes_step', **{'friction.viscous': 2.0, 'friction.coulomb': 0.0, **changes})
+        )[1:]
+        for changes in ({}, loads)
+    )
+    velocity = of('axes_step').trajectory.sample(TIME[1:] - 0.5 * PERIOD).velocity
+    transmitted = bare - 2.0 * velocity + 0.7
+    expected = bare + 0.7 + 0.4 + 0.3 * np.abs(transmitted) * np.sign(velocity)
+    assert geared == pytest.approx(expected)
+
+
 def test_its_disturbances_are_those_of_the_seed():
     a, b, c = (torque_of(of('paper_circle', **{**LOADS, 'seed': seed})) for seed in (1, 2, 1))
     assert np.array_equal(a, c) and np.std(a - b) > 0.3

@@ -24,6 +24,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.units import HINGES
+from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import robot_of
 
@@ -53,7 +54,7 @@ def motion(scenario='excitation', **overrides):
     friction = FrictionParameters(
         *(tuple(np.broadcast_to(values[f'friction.{key}'], run.position.shape[1]).tolist())
           for key in ('viscous', 'coulomb', 'stribeck')),
-        0.01, 0.0,
+        0.01, 0.0, *((0.0,) * run.position.shape[1],) * 2,
     )  # fmt: skip
     return SimpleNamespace(
         values=values,
@@ -119,8 +120,8 @@ def test_what_noise_leaves_and_what_no_inertias_explain(excited):
     longer = motion(**{'true_robot.l1': 0.401})
     longer.nominal = excited.nominal
     found = identify(longer)
-    assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.2
-    assert '0.29 % of a torque is left, and that is no noise' in found.left.doubt
+    assert np.abs(found.fit.values[: len(TRUTH)] / TRUTH - 1.0).max() < 0.2
+    assert '0.28 % of a torque is left, and that is no noise' in found.left.doubt
     other = replaced(excited, effort=excited.recording.effort[:, [1, 2, 0]])
     assert 'no set of inertias explains the motion' in identify(excited, other).left.doubt
 
@@ -170,7 +171,7 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
     robot, guess = excited.nominal.robot, excited.nominal.guess
     base = regression_rows.base_of(excited.recording, robot, guess)
     inertia = excited.nominal.inertia
-    scale = base.scale(inertia, *excited.nominal.both_frictions)
+    scale = base.scale(inertia, excited.nominal.friction)
     covered = np.zeros(len(TRUTH), int)
     for _ in range(100):
         recorded = noisy(begun, rng, 5e-5, 0.5)
@@ -196,6 +197,45 @@ def late(recording, samples):
         recording.effort[samples:],
         recording.usable[samples:],
     )
+
+
+# Joints 1 to 3: a constant torque; dry friction by load; less dry friction at rest.
+MORE = {
+    'friction.offset': [0.6, 0.0, 0.0], 'friction.load': [0.0, 0.15, 0.0],
+    'friction.stribeck': [0.0, 0.0, -0.4], 'friction.stribeck_velocity': 0.2,
+}  # fmt: skip
+
+
+def test_friction_that_pays_is_found_and_no_other(excited):
+    rng = np.random.default_rng(6)
+    assert identify(excited, noisy(excited, rng)).choice.saved == {}
+    case = motion(**MORE)
+    case.nominal = excited.nominal
+    found = identify(case, noisy(case, rng))
+    assert found.base.names[len(TRUTH) :] == ('offset1', 'load2', 'stribeck3')
+    wanted = np.append(TRUTH, [0.6, 0.15, -0.4])
+    half = found.fit.interval * found.fit.standard_errors
+    assert (np.abs(found.fit.values - wanted) <= 1.5 * half).all()
+    assert (half[len(TRUTH) :] < [0.05, 0.01, 0.1]).all()
+    assert found.robot.friction.stribeck_velocity == pytest.approx(0.2, rel=0.2)
+    assert all(saved - width > 0.002 for saved, width in found.choice.saved.values())
+    written = config.flat(readable.parameter_groups(found, {}))
+    assert written['friction.offset'] == pytest.approx([0.6, 0.0, 0.0], abs=0.05)
+    assert written['friction.load'][0] == 0.0 and written['friction.stribeck'][:2] == [0.0, 0.0]
+
+
+def test_the_robot_of_the_file_has_the_friction_that_was_found(excited):
+    """Torques of its plant along another motion are those of the true robot."""
+    true = motion('paper_circle', **{'circle.rate': 4.0, **MORE})
+    case = motion(**MORE)
+    case.nominal = excited.nominal
+    found = identify(case)
+    written = config.flat(readable.parameter_groups(found, {}))
+    robot = {key: value for key, value in written.items() if key.startswith('robot.')}
+    robot |= {key.replace('robot.', 'true_robot.'): value for key, value in robot.items()}
+    again = motion('paper_circle', **{'circle.rate': 4.0, **written, **robot})
+    left = np.sqrt(np.mean((again.run.effort - true.run.effort)[500:] ** 2, axis=0))
+    assert (left < 0.02 * np.sqrt(np.mean(true.run.effort**2, axis=0))).all()
 
 
 @pytest.mark.parametrize('samples', [0, 1, 5])
@@ -293,7 +333,7 @@ def test_a_robot_that_cannot_be_built_is_replaced_by_the_nearest(excited):
     found = identify(excited, replaced(excited, effort=driven))
     assert found.robot.active and found.robot.misfit > 1.0
     assert found.fit.values[4:7].max() < 0.0  # the estimates are reported as they are
-    assert (found.robot.viscous >= 0.0).all() and (found.robot.viscous < 1e-6).all()
+    assert all(0.0 <= each < 1e-6 for each in found.robot.friction.viscous)
     module, parameters = excited.nominal.robot.module, excited.nominal.robot.parameters
     module.validate(parameters._replace(**found.robot.robot))
 

@@ -101,9 +101,9 @@ def test_intervals_cover_the_true_parameters(bags):
     truth = robot_of(recording.read(bags[0]).log.config, 'true_robot')
     values = base_parameters.linear_model(truth).values(truth.parameters)
     fit, n = found.fit, found.base.joints
-    wanted = found.base.of(
-        values, np.array(TRUE['friction.viscous']), np.array(TRUE['friction.coulomb'])
-    )
+    keys = ('viscous', 'coulomb')
+    true = found.nominal.friction._replace(**{key: TRUE[f'friction.{key}'] for key in keys})
+    wanted = found.base.of(values, true)
     covered = np.abs(fit.values - wanted) <= fit.interval * fit.standard_errors
     assert covered.mean() >= 0.8 and len(wanted) > 2 * n + 4
 

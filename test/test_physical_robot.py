@@ -9,6 +9,7 @@ from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot.studies.identification.least_squares import Fit
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import robot_of
 
 FRICTION = 0.5
@@ -20,12 +21,14 @@ def problem(scenario, seed=0, shift=0.1, error=0.02):
     model = base_parameters.linear_model(robot)
     p, n = model.values(robot.parameters), robot.module.joints(robot.parameters)
     K = rng.normal(size=(len(p) // 2, len(p)))
-    base = BaseParameters(('',) * (len(K) + 2 * n), (), (), K, n)
-    friction = np.full(n, FRICTION), np.full(n, FRICTION)
-    scale = base.scale(base_parameters.sizes(robot), *friction)
+    columns = base_parameters.columns_of(('viscous', 'coulomb'), n)
+    base = BaseParameters({}, ({},) * n, (), K, tuple(columns))
+    each = (FRICTION,) * n
+    friction = FrictionParameters(each, each, (0.0,) * n, 0.01, 0.0, *((0.0,) * n,) * 2)
+    scale = base.scale(base_parameters.sizes(robot), friction)
     root = rng.normal(size=(len(scale), len(scale))) / np.sqrt(len(scale))
     covariance = error**2 * np.outer(scale, scale) * (root @ root.T + np.eye(len(scale)))
-    values = base.of(p, *friction) + shift * scale * rng.normal(size=len(scale))
+    values = base.of(p, friction) + shift * scale * rng.normal(size=len(scale))
     nothing = np.zeros(n)
     fit = Fit(values, covariance, np.ones(len(scale)), 1.0, nothing, nothing)
     return robot, base, fit, scale, friction
@@ -49,7 +52,7 @@ def test_the_answer_is_the_same_whatever_the_start(scenario, shift):
     for _ in range(4):
         again = physical_robot.nearest(*given, start=others(bodies, rng))
         assert again.robot == found.robot and again.bounds == found.bounds
-        assert np.array_equal(again.viscous, found.viscous)
+        assert again.friction == found.friction
 
 
 @pytest.mark.parametrize('scenario', ['paper_circle', 'serial_2r_circle'])
@@ -72,7 +75,8 @@ def test_the_cost_is_the_least_that_another_search_finds(scenario):
         return np.linalg.lstsq(flat, np.concatenate(blocks), rcond=None)[0]
 
     def cost_of(numbers, viscous, coulomb):
-        left = base.of(bodies.linear @ numbers + bodies.fixed, viscous, coulomb) - fit.values
+        acting = friction._replace(viscous=viscous, coulomb=coulomb)
+        left = base.of(bodies.linear @ numbers + bodies.fixed, acting) - fit.values
         total = 0.5 * left @ precision @ left
         for each in bodies.pseudo_inertias:
             ratio = np.linalg.solve(each @ bodies.numbers, each @ numbers)
@@ -87,12 +91,13 @@ def test_the_cost_is_the_least_that_another_search_finds(scenario):
         return cost_of(numbers_of(x[:rest]), *np.split(np.exp(x[rest:]), 2))
 
     factors = [np.linalg.cholesky(each @ bodies.numbers) for each in bodies.pseudo_inertias]
-    begin = [*(L[np.tril_indices(len(L))] for L in factors), *np.log(friction)]
+    begin = [*(L[np.tril_indices(len(L))] for L in factors), *np.log(np.full((2, n), FRICTION))]
     best = minimize(cost, np.concatenate(begin), method='BFGS', options={'maxiter': 20000})
     found = physical_robot.nearest(robot, base, fit, scale, friction)
     numbers = model.bodies(robot.parameters._replace(**found.robot)).numbers
     floor = 1e-9  # friction of which the logarithm is far away
-    mine = cost_of(numbers, np.maximum(found.viscous, floor), np.maximum(found.coulomb, floor))
+    acting = found.friction
+    mine = cost_of(numbers, np.maximum(acting.viscous, floor), np.maximum(acting.coulomb, floor))
     assert not found.bounds
     assert mine <= best.fun + 1e-3 * abs(best.fun)
 
@@ -101,7 +106,7 @@ def test_what_is_not_told_stays_to_the_last_bit():
     robot, base, fit, scale, friction = problem('five_bar_circle', shift=0.0, error=1e3)
     found = physical_robot.nearest(robot, base, fit, scale, friction)
     assert found.robot == found.nominal and not found.active
-    assert (found.viscous == FRICTION).all() and (found.coulomb == FRICTION).all()
+    assert found.friction == friction
 
 
 def test_bounds_hold_and_are_told_when_they_act():

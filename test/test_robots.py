@@ -32,6 +32,7 @@ def configuration(name):
 def picked(group, values, prefix, joints):
     """A group from those of the values that are its own; a scenario gives the frequency."""
     rest = {'stribeck': 0.0, 'stribeck_velocity': 0.01, 'smoothing': 0.0, 'frequency': 0.8}
+    rest |= {'offset': 0.3, 'load': 0.1}
     values = {**rest, **values}
     keys = [parameter.key for parameter in parameters(group)]
     return build(group, {key: values[key] for key in keys}, prefix, joints)

@@ -27,7 +27,7 @@ ARM = serial_2r.Parameters(
     gravity=9.81, elbow=1.0,
 )  # fmt: skip
 NO_LOAD = JointLoad(
-    FrictionParameters((0.0, 0.0), (0.0, 0.0), (0.0,) * 2, 0.01, 0.0),
+    FrictionParameters((0.0, 0.0), (0.0, 0.0), (0.0,) * 2, 0.01, 0.0, *((0.0,) * 2,) * 2),
     DisturbanceParameters((0.0, 0.0), 0.0, (0.0, 0.0)),
 )
 MARGINS = serial_2r.SafetyMargins(0.1)
@@ -124,7 +124,9 @@ def test_acceleration_agrees_with_mujoco_in_any_posture():
 
 
 def test_friction_and_disturbance_act_on_each_joint():
-    friction = FrictionParameters((0.5, 0.2), (0.3, 0.1), (0.0,) * 2, 0.01, 0.0)
+    friction = FrictionParameters(
+        (0.5, 0.2), (0.3, 0.1), (0.0,) * 2, 0.01, 0.0, *((0.0,) * 2,) * 2
+    )
     disturbance = DisturbanceParameters((1.0, 2.0), 0.5, (0.0, np.pi / 2))
     q, qd, torque = np.array([0.3, 1.2]), np.array([0.4, -0.6]), np.array([5.0, 1.0])
     # At t = 0.5 s, 2 pi 0.5 t = pi / 2: the sines are 1 and 0.

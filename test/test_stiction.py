@@ -77,7 +77,9 @@ def test_a_joint_breaks_away_at_the_static_friction():
 def test_in_steady_motion_it_is_the_curve_of_stribeck(torque):
     viscous = 0.2
     _, rates = moved(ramp(torque, 0.1, 6.0), **{'friction.viscous': viscous})
-    curve = FrictionParameters((viscous,) * 2, (COULOMB,) * 2, (STRIBECK,) * 2, FALL, 0.0)
+    curve = FrictionParameters(
+        (viscous,) * 2, (COULOMB,) * 2, (STRIBECK,) * 2, FALL, 0.0, *((0.0,) * 2,) * 2
+    )
     slides = on_vectors(joint_load.friction_torque)(curve, rates[-1])
     assert slides == pytest.approx(np.full(2, torque), rel=1e-6)
 

@@ -47,6 +47,8 @@ PLANT = {  # as exact as MuJoCo's integration
     'plant.substeps': 10,
     'friction.coulomb': 0.0,
     'friction.stribeck': 0.0,
+    'friction.offset': 0.0,
+    'friction.load': 0.0,
     'disturbance.amplitude': 0.0,
 }
 

@@ -8,13 +8,15 @@ Source:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import LinearModel
+from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 
@@ -24,25 +26,77 @@ ROUNDING = 1e-12  # of the largest column of a regressor: one that is zero
 NOTHING = 1e-9  # of the largest pivot: a column that depends on those before it
 
 
+# Kinds of friction of a joint, see FrictionParameters, with their units. The first two are always
+# there, the others where they pay.
+FRICTION = {
+    'viscous': 'N m s/rad', 'coulomb': 'N m', 'offset': 'N m', 'stribeck': 'N m', 'load': '',
+}  # fmt: skip
+ALWAYS = 2
+
+
+class FrictionColumn(NamedTuple):
+    """A column of the regressor."""
+
+    kind: str  # of FRICTION
+    joint: int
+    speed: float = 0.0  # that of the Stribeck effect [rad/s]
+
+
+def columns_of(kinds: Iterable[str], joints: int, speed: float = 0.0) -> list[FrictionColumn]:
+    """Columns of some kinds of friction, of all joints."""
+    return [FrictionColumn(kind, joint, speed) for kind in kinds for joint in range(joints)]
+
+
 @dataclass(frozen=True)
 class BaseParameters:
-    """Base parameters beta = K p of a robot, then its friction."""
+    """Base parameters beta = K p of a robot, then its friction: F columns."""
 
-    # names of the base parameters of the inertia, e.g. ``a + 0.05333 mp``, then of the friction
-    names: tuple[str, ...]
-    units: tuple[str, ...]  # their units
+    inertias: dict[str, str]  # names of the base parameters, as ``a + 0.05333 mp``, with units
+    frictions: tuple[dict[str, str], ...]  # units of each kind of friction, joint by joint
     kept: tuple[int, ...]  # columns of the regressor that are independent
     K: Array  # base parameters of the inertia by p, shape (B, P)
-    joints: int  # number of the actuated joints
+    friction: tuple[FrictionColumn, ...]  # its columns
 
-    def of(self, inertia: Array, viscous: Array, coulomb: Array) -> Array:
-        """Base parameters with these values, shape (B + 2 n,)."""
-        return np.concatenate([self.K @ inertia, viscous, coulomb])
+    @property
+    def joints(self) -> int:
+        """Number of the actuated joints."""
+        return len(self.frictions)
 
-    def scale(self, inertia: Array, viscous: Array, coulomb: Array) -> Array:
-        """Sizes to which errors are compared: sums of magnitudes, shape (B + 2 n,)."""
-        sizes = np.concatenate([np.abs(self.K) @ np.abs(inertia), viscous, coulomb])
-        return np.where(sizes > 0.0, sizes, 1.0)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all, e.g. ``viscous1`` of the friction."""
+        return *self.inertias, *(f'{each.kind}{each.joint + 1}' for each in self.friction)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Their units."""
+        friction = (self.frictions[each.joint][each.kind] for each in self.friction)
+        return *self.inertias.values(), *friction
+
+    def with_friction(self, columns: Iterable[FrictionColumn]) -> BaseParameters:
+        """The same with other columns of friction."""
+        return replace(self, friction=tuple(columns))
+
+    def of(self, inertia: Array, friction: FrictionParameters) -> Array:
+        """Base parameters with these values, shape (B + F,)."""
+        values = [getattr(friction, each.kind)[each.joint] for each in self.friction]
+        return np.concatenate([self.K @ inertia, values])
+
+    def scale(self, inertia: Array, friction: FrictionParameters) -> Array:
+        """Sizes to which errors are compared: sums of magnitudes, shape (B + F,)."""
+        magnitudes = replace(self, K=np.abs(self.K)).of(np.abs(inertia), friction)
+        return np.where(magnitudes != 0.0, np.abs(magnitudes), 1.0)
+
+    def with_values(self, friction: FrictionParameters, values: Array) -> FrictionParameters:
+        """Friction with the values of its columns; kinds of the others are none."""
+        found = {kind: [0.0] * self.joints for kind in FRICTION}
+        for each, value in zip(self.friction, values.tolist(), strict=True):
+            found[each.kind][each.joint] = value
+        speed = max((each.speed for each in self.friction), default=0.0)
+        changed: dict[str, Any] = {kind: tuple(each) for kind, each in found.items()}
+        if speed:
+            changed['stribeck_velocity'] = speed
+        return friction._replace(**changed)
 
 
 def find(
@@ -84,19 +138,16 @@ def find(
     K[np.abs(K) < NOTHING] = 0.0
     units = model.units(robot.parameters)
     symbols = list(units)
-    names = [_sum(K[row], symbols, column) for row, column in enumerate(map(int, columns))]
-    n = position.shape[1]
-
-    def each(unit: str) -> list[str]:
-        return [robot.joint_units.one(k).of(unit) for k in range(n)]
-
-    friction = [f'{kind}{k}' for kind in ('viscous', 'coulomb') for k in range(1, n + 1)]
+    own, n = tuple(map(int, columns)), position.shape[1]
     return BaseParameters(
-        (*names, *friction),
-        (*(units[symbols[column]] for column in columns), *each('N m s/rad'), *each('N m')),
-        tuple(map(int, columns)),
+        {_sum(K[row], symbols, k): units[symbols[k]] for row, k in enumerate(own)},
+        tuple(
+            {kind: each.of(unit) for kind, unit in FRICTION.items()}
+            for each in map(robot.joint_units.one, range(n))
+        ),
+        own,
         K,
-        n,
+        tuple(columns_of([*FRICTION][:ALWAYS], n)),
     )
 
 

@@ -124,7 +124,7 @@ class Search:
         Y = np.concatenate([Y, viscous, np.sign(viscous)], axis=-1).reshape(len(Y) * n, -1)
         friction = self.friction
         sizes = base_parameters.sizes(self.robot)
-        scale = self.base.scale(sizes, np.array(friction.viscous), np.array(friction.coulomb))
+        scale = self.base.scale(sizes, friction)
         singular = np.linalg.svd(Y * scale, compute_uv=False) / np.sqrt(len(Y))
         weakest = float(singular[-1])
         return Quality(weakest, float(singular[0]) / weakest if weakest > 0.0 else np.inf)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -13,11 +12,19 @@ from parallel_robot.bags.run import two_sources
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification import (
     base_parameters,
+    friction_choice,
     least_squares,
     physical_robot,
     regression_rows,
 )
-from parallel_robot.studies.identification.base_parameters import BaseParameters
+from parallel_robot.studies.identification.base_parameters import (
+    ALWAYS,
+    FRICTION,
+    BaseParameters,
+    FrictionColumn,
+    columns_of,
+)
+from parallel_robot.studies.identification.friction_choice import SPEEDS, Blocks, Choice
 from parallel_robot.studies.identification.least_squares import (
     Fit,
     Squares,
@@ -26,7 +33,7 @@ from parallel_robot.studies.identification.least_squares import (
 )
 from parallel_robot.studies.identification.measured_motion import Begin, Motion
 from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
-from parallel_robot.studies.identification.regression_rows import Rows, SomeRows
+from parallel_robot.studies.identification.regression_rows import NOWHERE, At, Rows, SomeRows
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
@@ -36,7 +43,9 @@ from parallel_robot_model.robots.registry import RobotModel, robot_of
 
 LATEST = 0.02  # s, largest delay that is looked for
 COUNTS = 0.2  # of a period, a delay that is taken into account
-ITERATIONS = 5  # of the delay
+ITERATIONS = 12  # of what is not linear
+SURE = 1.5  # half widths of the 95 % interval, the value of a column of friction that stays
+CLOSE = 1e-4  # relative, of torques and of the speed of the Stribeck effect: it is found
 
 
 @dataclass(frozen=True)
@@ -52,11 +61,6 @@ class Nominal:
         """Parameters of the linear model, shape (P,)."""
         model = base_parameters.linear_model(self.robot)
         return np.asarray(model.values(self.robot.parameters))
-
-    @property
-    def both_frictions(self) -> tuple[Array, Array]:
-        """Viscous and Coulomb friction, each shape (n,)."""
-        return np.array(self.friction.viscous), np.array(self.friction.coulomb)
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,8 @@ class Identified:
     rows: Rows  # some of them, evenly, see :class:`SomeRows`
     delay: Delay  # how much older positions are than torques of the same stamp
     period: float  # time between two states [s]
-    held_out: Prediction | None  # end of the motion by a robot that was fitted to what is before
+    held_out: Prediction | None  # end of the motion by a robot that was fitted to the rest
+    choice: Choice  # the friction that pays
 
     @property
     def left(self) -> Unexplained:
@@ -142,34 +147,42 @@ def identify(
     """
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
-    friction, sizes = nominal.both_frictions, base_parameters.sizes(nominal.robot)
-    before, scale = base.of(nominal.inertia, *friction), base.scale(sizes, *friction)
-
-    def fitted(part: Motion) -> tuple[Squares, Rows, Fit, Delay, PhysicalRobot]:
-        squares, rows, fit, delay = _fit(_Regression(nominal, base, part, cutoff), before, scale)
-        frictions = nominal.both_frictions
-        robot = physical_robot.nearest(nominal.robot, base, fit, scale, frictions, bounds)
-        return squares, rows, fit, delay, robot
-
-    held_out = None
-    if hold_out:
-        split = next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration
-        with contextlib.suppress(BagError):  # too little of the motion is before that
-            *_, delay, robot = fitted(Begin(motion, split))
-            late = delay.value if delay.counts else 0.0
-            after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
-            whole = _Regression(nominal, base, motion, cutoff).rows(late)
-            parts = [part.of(part.time > after) for part in whole]
-            known = [part for part in parts if part.known.any()]
-            held_out = _compared(robot.values, before, known) if known else None
-    squares, rows, fit, delay, robot = fitted(motion)
+    whole, held_out = _Regression(nominal, base, motion, cutoff), None
+    split = next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration
+    begin = whole._replace(motion=Begin(motion, split)) if hold_out else whole
+    try:
+        choice = _choice(begin)
+    except BagError:
+        if not hold_out:
+            raise
+        begin, choice = whole, _choice(whole)  # too little of the motion is before that
+    if begin is not whole:
+        fitted = _fit(begin.with_friction(choice.columns))
+        robot = fitted.robot(bounds)
+        after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
+        of_whole = fitted.regression._replace(motion=motion)
+        parts = [part.of(part.time > after) for part in of_whole.predicted(fitted.delay, robot)]
+        known = [part for part in parts if part.known.any()]
+        held_out = _compared(robot.values, of_whole.before, known) if known else None
+    fitted = _fit(whole.with_friction(choice.columns))
+    fit, scale, before = fitted.fit, fitted.regression.scale, fitted.regression.before
     # A size that was believed to be small is that of the estimate.
-    poor = least_squares.poorly_determined(
-        fit, base.names, np.maximum(scale, np.abs(fit.values)), scale
-    )
-    period = motion.period
+    names = fitted.regression.base.names
+    sizes = np.maximum(scale, np.abs(fit.values))
     return Identified(
-        nominal, base, before, scale, fit, robot, poor, squares, rows, delay, period, held_out
+        nominal,
+        fitted.regression.base,
+        before,
+        scale,
+        fit,
+        fitted.robot(bounds),
+        least_squares.poorly_determined(fit, names, sizes, scale),
+        fitted.squares,
+        fitted.rows,
+        fitted.delay,
+        motion.period,
+        held_out,
+        choice,
     )
 
 
@@ -186,8 +199,8 @@ def predict(found: Identified, motion: Motion, guess: Array, cutoff: float) -> P
         BagError: too little of the recording can be used, or a sample has no pose.
     """
     nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
-    late = found.delay.value if found.delay.counts else 0.0
-    rows = _Regression(nominal, found.base, motion, cutoff).rows(late)
+    regression = _Regression(nominal, found.base, motion, cutoff)
+    rows = regression.predicted(found.delay, found.robot)
     return _compared(found.robot.values, found.before, rows)
 
 
@@ -284,55 +297,170 @@ class _Regression(NamedTuple):
     motion: Motion
     cutoff: float
 
-    def rows(self, late: float, step: float = 0.0) -> Iterator[Rows]:
+    @property
+    def before(self) -> Array:
+        """Nominal parameters, shape (B + F,)."""
+        return self.base.of(self.nominal.inertia, self.nominal.friction)
+
+    @property
+    def scale(self) -> Array:
+        """Their sizes, shape (B + F,)."""
+        sizes = base_parameters.sizes(self.nominal.robot)
+        return self.base.scale(sizes, self.nominal.friction)
+
+    def with_friction(self, columns: Iterable[FrictionColumn]) -> _Regression:
+        """The same with other columns of friction."""
+        return self._replace(base=self.base.with_friction(columns))
+
+    def rows(self, at: At, step: float = 0.0) -> Iterator[Rows]:
         """Stretch by stretch."""
         robot, friction, guess = self.nominal.robot, self.nominal.friction, self.nominal.guess
         return regression_rows.rows(
-            self.motion, robot, self.base, guess, friction.smoothing, self.cutoff, late, step
+            self.motion, robot, self.base, guess, friction.smoothing, self.cutoff, at, step
+        )
+
+    def predicted(self, delay: Delay, robot: PhysicalRobot) -> Iterator[Rows]:
+        """Rows for the torques of a robot."""
+        at = At(delay.value if delay.counts else 0.0, robot.values)
+        return (rows.first(len(robot.values)) for rows in self.rows(at))
+
+
+def _choice(regression: _Regression) -> Choice:
+    """The friction that pays, of all kinds; the usual one where there are few rows."""
+    usual = columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints)
+    begin = regression.with_friction(usual)
+    period = regression.motion.period
+    search = _Search(begin).run(0.1 * period)
+    squares, found = search.squares, search.found
+    late = search.at.late if abs(search.at.late) > COUNTS * period else 0.0
+    every = regression._replace(
+        base=friction_choice.candidates(regression.base, regression.motion.speed)
+    )
+    if np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names):
+        return Choice(regression.base.friction, {})
+    values = 0.0 * every.before
+    values[: len(begin.base.inertias)] = found.values[: len(begin.base.inertias)]
+    time = [window.time[[0, -1]] for window in regression.motion.windows()]
+    blocks = Blocks(every.base, found, time[0][0], time[-1][-1])
+    for rows in every.rows(At(late, values)):
+        blocks.add(rows.first(len(values)), regression_rows.SUPPORT / regression.cutoff)
+    choice = blocks.choose(every.before, every.scale)
+    while True:
+        columns = choice.columns
+        fit = _fit(regression.with_friction(columns)).fit
+        sure = np.abs(fit.values) > SURE * fit.interval * fit.standard_errors
+        doubtful = {
+            each
+            for each, told in zip(columns, sure[-len(columns) :], strict=True)
+            if each in choice.saved and not told
+        }
+        if not doubtful:
+            return choice
+        choice = choice.without(doubtful)
+
+
+class _Fitted(NamedTuple):
+    """A fit, and of what."""
+
+    regression: _Regression  # with the speed of its Stribeck effect
+    squares: Squares
+    rows: Rows  # some of them
+    fit: Fit
+    delay: Delay
+
+    def robot(self, bounds: Bounds | None) -> PhysicalRobot:
+        """The physical robot that has the estimate."""
+        nominal, base, scale = self.regression.nominal, self.regression.base, self.regression.scale
+        return physical_robot.nearest(
+            nominal.robot, base, self.fit, scale, nominal.friction, bounds
         )
 
 
-def _fit(regression: _Regression, before: Array, scale: Array) -> tuple[Squares, Rows, Fit, Delay]:
-    """Fit the base parameters, together with a delay of the positions if there is one.
-
-    A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
-    linearised in d again and again (Gauss-Newton). The rows are made anew for each d, and once
-    more for the uncertainties.
-    """
-    period, parameters = regression.motion.period, len(before)
-    step = 0.1 * period  # the slope is for a period of delay
-    both = np.append(before, 0.0), np.append(scale, 1.0)
-    value = 0.0
-    undelayed: Squares | None = None
-    for _ in range(ITERATIONS):
-        squares = least_squares.squares_of(regression.rows(value, step))
-        undelayed = undelayed or squares
-        found = least_squares.estimate(squares, *both)
-        change = period * float(found.values[-1])
-        estimate = float(np.clip(value + change, -LATEST, LATEST))
-        at = value
-        if abs(change) < 0.01 * period:
-            break
-        value = estimate
-    delayed = Uncertainty(found, squares, both[1])
-    some = SomeRows()
-    for rows in some.seen(regression.rows(at, step)):
-        delayed.add(rows)
-    fit = delayed.fit()
+def _fit(regression: _Regression) -> _Fitted:
+    """Fit the parameters, together with a delay of the positions if there is one."""
+    period = regression.motion.period
+    late = _Search(regression).run(0.1 * period)  # the slope is for a period of delay
+    fit, rows = late.uncertainty()
+    estimate = late.at.late + period * float(late.found.values[-1])
     half = period * float(fit.interval[-1] * fit.standard_errors[-1])
     delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
-    if delay.counts:
-        kept = replace(
-            fit,
-            values=fit.values[:-1],
-            covariance=fit.covariance[:-1, :-1],
-            interval=fit.interval[:-1],
+    found = late
+    if not delay.counts:
+        found = _Search(late.regression, At(0.0, late.at.values)).run()
+        fit, rows = found.uncertainty()
+    count = len(regression.before)
+    kept = replace(
+        fit,
+        values=fit.values[:count],
+        covariance=fit.covariance[:count, :count],
+        interval=fit.interval[:count],
+    )
+    return _Fitted(found.regression, found.squares.first(count), rows.first(count), kept, delay)
+
+
+class _Search:
+    """Gauss-Newton's method for what is not linear: delay, Stribeck effect, friction by load.
+
+    A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
+    linearised in d again and again. The rows are made anew for each point.
+    """
+
+    def __init__(self, regression: _Regression, at: At = NOWHERE) -> None:
+        self.regression, self.at = regression, at
+        kinds = {each.kind for each in regression.base.friction}
+        self._fast, self._curved = 'stribeck' in kinds, bool(kinds & {'stribeck', 'load'})
+        speed = float(np.median(regression.motion.speed))
+        self._speeds = 0.5 * SPEEDS[0] * speed, 2.0 * SPEEDS[-1] * speed
+
+    def run(self, step: float = 0.0) -> _Search:
+        """Search; with a `step` of the delay [s], for that, too."""
+        self._step, before = step, self.regression.before
+        count, period = len(before), self.regression.motion.period
+        for k in range(ITERATIONS):
+            fast = self._fast and self.at.values is not None
+            more = np.zeros(fast + bool(step))
+            self._scale = np.append(self.regression.scale, more + 1.0)
+            rows = self.regression.rows(self.at, step)
+            self.squares = squares = least_squares.squares_of(rows)
+            nominal = np.append(before, more)
+            self.found = least_squares.estimate(squares, nominal, self._scale)
+            values = self.found.values
+            late = period * float(values[-1]) if step else 0.0
+            faster = float(values[count]) if fast else 0.0
+            new = values[:count] if self._curved else None
+            far = abs(late) > 0.01 * period or abs(faster) > CLOSE or not self._near(new)
+            if not far or k == ITERATIONS - 1:  # rows, estimate and uncertainty are of one point
+                break
+            late = float(np.clip(self.at.late + late, -LATEST, LATEST))
+            self.at = At(late, new)
+            self._change_speed(faster)
+        return self
+
+    def _near(self, values: Array | None) -> bool:
+        """Whether torques by these values are about those of the ones before."""
+        if values is None:
+            return True
+        if self.at.values is None:
+            return False
+        squares = self.squares.first(len(values))
+        size = squares.rms(0.0 * values)
+        left = squares.rms(values) - squares.rms(self.at.values)
+        return bool(np.abs(left / np.maximum(size, 1e-300)).max() < CLOSE)
+
+    def _change_speed(self, faster: float) -> None:
+        """Change the speed of the Stribeck effect by a factor, its logarithm, within bounds."""
+        low, high = self._speeds
+        factor = np.exp(np.clip(faster, -1.0, 1.0))
+        self.regression = self.regression.with_friction(
+            each._replace(speed=float(np.clip(factor * each.speed, low, high)))
+            if each.speed
+            else each
+            for each in self.regression.base.friction
         )
-        return squares.first(parameters), some.whole().first(parameters), kept, delay
-    assert undelayed is not None  # of the first iteration
-    squares = undelayed.first(parameters)
-    plain = Uncertainty(least_squares.estimate(squares, before, scale), squares, scale)
-    some = SomeRows()
-    for rows in some.seen(regression.rows(0.0)):
-        plain.add(rows)
-    return squares, some.whole(), plain.fit(), delay
+
+    def uncertainty(self) -> tuple[Fit, Rows]:
+        """The estimate with its uncertainty, and some rows."""
+        found, some = Uncertainty(self.found, self.squares, self._scale), SomeRows()
+        for rows in some.seen(self.regression.rows(self.at, self._step)):
+            found.add(rows)
+        return found.fit(), some.whole()

@@ -36,8 +36,9 @@ from parallel_robot.studies.identification.base_parameters import (
 from parallel_robot.studies.identification.least_squares import Fit
 from parallel_robot_model.common.errors import InputError, RobotError, UnknownNameError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.fields import plain
+from parallel_robot_model.configuration.fields import PerJoint, plain
 from parallel_robot_model.robots.contract import Bodies
+from parallel_robot_model.robots.joint_load import MOST_LOAD, FrictionParameters
 from parallel_robot_model.robots.registry import RobotModel
 
 WEIGHT = 1e-2  # of the distance: bodies are believed to a factor of 10
@@ -52,6 +53,9 @@ SHORTEST = 1e-12  # share of a step of Newton's method
 ACTS = 1e-2  # of the nominal distance from a bound, below which it acts
 ROUNDED = 1e-3  # of a standard error, what rounding may change
 
+# Friction that dissipates, in the unit of each kind: with it a search begins.
+INSIDE = {'viscous': 1.0, 'coulomb': 1.0, 'offset': 0.0, 'stribeck': 0.0, 'load': 0.1}
+
 Bounds = Mapping[str, tuple[float, float]]
 
 
@@ -61,9 +65,8 @@ class PhysicalRobot:
 
     robot: dict[str, Any]  # keys of the robot that were chosen, with their values
     nominal: dict[str, Any]  # the same keys with their nominal values
-    viscous: Array  # viscous friction per joint [N m s/rad]
-    coulomb: Array  # Coulomb friction per joint [N m]
-    values: Array  # base parameters of this robot, shape (B,)
+    friction: FrictionParameters
+    values: Array  # base parameters of this robot, shape (B + F,)
     misfit: float  # largest difference to the estimate [standard errors]
     bounds: tuple[str, ...] = ()  # what is known of the robot and acts, with the range
 
@@ -78,7 +81,7 @@ def nearest(
     base: BaseParameters,
     fit: Fit,
     scale: Array,
-    friction: tuple[Array, Array],
+    friction: FrictionParameters,
     bounds: Bounds | None = None,
     start: Array | None = None,
 ) -> PhysicalRobot:
@@ -88,8 +91,8 @@ def nearest(
         robot: The nominal robot.
         base: Its base parameters.
         fit: Their estimate.
-        scale: Their sizes, shape (B,).
-        friction: Nominal viscous and Coulomb friction, each shape (n,).
+        scale: Their sizes, shape (B + F,).
+        friction: Nominal friction.
         bounds: What is known of the robot, see :class:`Bodies`: ranges by name.
         start: Numbers of the bodies with which the search begins, shape (Z,); None: the nominal
             ones. The answer is the same.
@@ -97,48 +100,71 @@ def nearest(
     Raises:
         InputError: no robot is within the bounds.
     """
-    model, n = linear_model(robot), base.joints
+    model, count = linear_model(robot), len(base.friction)
     bodies: Bodies = model.bodies(robot.parameters)
     errors = np.sqrt(np.diag(fit.covariance) + (SHARPEST * scale) ** 2)
     sharp = np.diag((SHARPEST * scale / errors) ** 2)
     root = _root(fit.covariance / np.outer(errors, errors) + sharp) / errors
-    of_friction = scale[-2 * n :]  # the unit in which the search has it
-    centre = np.concatenate([bodies.numbers, np.concatenate(friction) / of_friction])
+    of_friction = scale[-count:]  # the unit in which the search has it
+    before = base.of(0.0 * bodies.fixed, friction)[-count:]
+    centre = np.concatenate([bodies.numbers, before / of_friction])
     ranges = _ranges(bodies, bounds or {})
     known = [bodies.known[name].rows(*each) for name, each in ranges.items()]
-    count, of_bodies = len(centre), len(bodies.numbers)
-    rows = np.zeros((2 * n + sum(map(len, known)), count + 1))
-    rows[: 2 * n, of_bodies:-1] = np.eye(2 * n)
-    rows[2 * n :, [*range(of_bodies), -1]] = np.concatenate([np.zeros((0, of_bodies + 1)), *known])
-    fixed = base.of(bodies.fixed, *np.zeros((2, n)))
+    of_bodies = len(bodies.numbers)
+    losses = _losses(base, of_friction)
+    first = len(losses)
+    rows = np.zeros((first + sum(map(len, known)), len(centre) + 1))
+    rows[:first, of_bodies:] = losses
+    rows[first:, [*range(of_bodies), -1]] = np.concatenate([np.zeros((0, of_bodies + 1)), *known])
+    fixed = np.append(base.K @ bodies.fixed, np.zeros(count))
     problem, basis = _whitened(
         root @ block_diag(base.K @ bodies.linear, np.diag(of_friction)),
         root @ (fit.values - fixed),
-        [np.pad(each, ((0, 0), (0, 0), (0, 2 * n))) for each in bodies.pseudo_inertias],
+        [np.pad(each, ((0, 0), (0, 0), (0, count))) for each in bodies.pseudo_inertias],
         rows,
         centre,
     )
-    begin = np.concatenate([bodies.numbers if start is None else start, np.ones(2 * n)])
+    inside = [INSIDE[each.kind] for each in base.friction]
+    begin = np.concatenate([bodies.numbers if start is None else start, inside])
     y = problem.minimum(
-        np.linalg.solve(basis, begin - centre), lambda row: _beyond(ranges, known, row - 2 * n)
+        np.linalg.solve(basis, begin - centre), lambda row: _beyond(ranges, known, row - first)
     )
     found = centre + basis @ y
-    acting = np.flatnonzero(problem.rows[2 * n :] @ np.append(y, 1.0) < ACTS)
+    acting = np.flatnonzero(problem.rows[first:] @ np.append(y, 1.0) < ACTS)
     given = model.parameters(robot.parameters, found[:of_bodies])
     chosen = _rounded(robot, base, errors, given)
-    step = ROUNDED * errors[-2 * n :]
-    of_joints = _shortened(found[of_bodies:] * of_friction, step, np.concatenate(friction))
-    viscous, coulomb = np.split(of_joints, 2)
-    values = base.of(model.values(robot.parameters._replace(**chosen)), viscous, coulomb)
+    step = ROUNDED * errors[-count:]
+    friction = base.with_values(
+        friction, _shortened(found[of_bodies:] * of_friction, step, before)
+    )
+    least = np.maximum(friction.stribeck, np.negative(friction.coulomb))  # after rounding, too
+    friction = friction._replace(stribeck=PerJoint(tuple(least.tolist())))
+    values = base.of(model.values(robot.parameters._replace(**chosen)), friction)
     return PhysicalRobot(
         {key: plain(each) for key, each in chosen.items()},
         {key: plain(getattr(robot.parameters, key)) for key in chosen},
-        viscous,
-        coulomb,
+        friction,
         values,
         float(np.max(np.abs(values - fit.values) / errors)),
         tuple(dict.fromkeys(_beyond(ranges, known, int(row)) for row in acting)),
     )
+
+
+def _losses(base: BaseParameters, unit: Array) -> Array:
+    """Rows r with r (friction / unit, 1) >= 0 where friction dissipates, shape (R, F + 1)."""
+    place = {(each.kind, each.joint): k for k, each in enumerate(base.friction)}
+    rows = []
+    for kind, joint in place:
+        row = np.zeros(len(place) + 1)
+        if kind == 'offset':
+            continue
+        row[place[kind, joint]] = unit[place[kind, joint]]
+        if kind == 'stribeck':  # with it, dry friction at rest
+            row[place['coulomb', joint]] = unit[place['coulomb', joint]]
+        rows.append(row)
+        if kind == 'load':
+            rows.append(np.append(np.zeros(len(place)), MOST_LOAD) - row)
+    return np.array(rows)
 
 
 class _Problem(NamedTuple):

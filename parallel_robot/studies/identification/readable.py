@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import yaml
 
-from parallel_robot.studies.identification.base_parameters import linear_model
+from parallel_robot.studies.identification.base_parameters import ALWAYS, FRICTION, linear_model
 from parallel_robot.studies.identification.identified import Delay, Identified, Prediction
 from parallel_robot.studies.identification.least_squares import UNKNOWN
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import rounded
+from parallel_robot_model.configuration.fields import plain
 
 LONG = 12  # numbers of a list, of which beyond that only those that changed are told
 
@@ -147,7 +148,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         'bounds_active': list(robot.bounds),
         'robot': robot.robot,
         'robot_before': {key: robot.nominal[key] for key in robot.robot},
-        'friction': {'viscous': robot.viscous.tolist(), 'coulomb': robot.coulomb.tolist()},
+        'friction': friction(found),
         found.nominal.robot.joint_units.key('torque_error_rms_nm'): {
             joint: {
                 'identified': float(checked.error[k]),
@@ -226,12 +227,22 @@ def parameter_groups(
     robot = found.robot
     tree: dict[str, dict[str, Any]] = {
         'robot': {key: rounded(value, DIGITS) for key, value in robot.robot.items()},
-        'friction': {
-            'viscous': rounded(robot.viscous, DIGITS),
-            'coulomb': rounded(robot.coulomb, DIGITS),
-        },
+        'friction': {key: rounded(value, DIGITS) for key, value in friction(found).items()},
     }
     return tree | ({'estimator': dict(noise)} if noise else {})
+
+
+def friction(found: Identified) -> dict[str, Any]:
+    """Friction as a group of the configuration: the kinds that are always there or not zero."""
+    group, nominal = found.robot.friction, found.nominal.friction
+    kinds = [*FRICTION]
+    told = [
+        kind
+        for kind in kinds
+        if kind in kinds[:ALWAYS] or any(getattr(group, kind)) or any(getattr(nominal, kind))
+    ]
+    speed = {'stribeck_velocity': group.stribeck_velocity} if any(group.stribeck) else {}
+    return {kind: plain(getattr(group, kind)) for kind in told} | speed
 
 
 def dump(tree: Mapping[str, Any]) -> str:

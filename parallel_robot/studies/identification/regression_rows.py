@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -22,7 +23,11 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import firwin, savgol_filter
 
 from parallel_robot.studies.identification import base_parameters
-from parallel_robot.studies.identification.base_parameters import BaseParameters
+from parallel_robot.studies.identification.base_parameters import (
+    ALWAYS,
+    BaseParameters,
+    FrictionColumn,
+)
 from parallel_robot.studies.identification.measured_motion import (
     STILL,
     MeasuredMotion,
@@ -52,7 +57,7 @@ class Rows:
     """Y beta = tau at T times of a stretch without gaps, filtered."""
 
     time: Array  # times [s], shape (T,)
-    # regressor of base parameters and friction, shape (T, n, B + 2 n); zero where `known` is not
+    # regressor of base parameters and friction, shape (T, n, B + F); zero where `known` is not
     Y: Array
     torque: Array  # torques [N m], shape (T, n); zero where `known` is not
     # whether the torque of a joint can be explained: it does not stand still
@@ -97,6 +102,17 @@ class SomeRows:
         return joined(self._parts)
 
 
+class At(NamedTuple):
+    """Where what is not linear is taken."""
+
+    late: float = 0.0  # age of the positions at their stamps, beyond that of the torques [s]
+    # all parameters, for what gears transmit and for the Stribeck effect, shape (B + F,)
+    values: Array | None = None
+
+
+NOWHERE = At()
+
+
 def rows(
     motion: Motion,
     robot: RobotModel,
@@ -104,7 +120,7 @@ def rows(
     guess: Array,
     smoothing: float,
     cutoff: float = CUTOFF,
-    late: float = 0.0,
+    at: At = NOWHERE,
     step: float = 0.0,
 ) -> Iterator[Rows]:
     """Make the rows of a recording, stretch by stretch.
@@ -116,9 +132,10 @@ def rows(
         guess: Pose near the first sample, shape (m,).
         smoothing: Half width of the sign of Coulomb friction [rad/s].
         cutoff: Bandwidth [Hz].
-        late: Age of the positions at their stamps, beyond that of the torques [s].
-        step: Difference of that age by which the torques are differentiated [s]: their slope, for
-            a period of age, is one more column of Y; 0: none.
+        at: Where what is not linear is taken. With the values of a Stribeck effect, the slope of
+            the torques by the logarithm of its speed is one more column of Y.
+        step: Difference of the age by which the torques are differentiated [s]: their slope, for
+            a period of age, is one more column of Y, the last; 0: none.
 
     Raises:
         InputError: the cut-off frequency does not fit the period.
@@ -136,7 +153,7 @@ def rows(
     every = max(1, round(0.5 / cutoff / period))
     duration, known, model = 0.0, 0, base_parameters.linear_model(robot)
     for part in stretches(motion, 2 * (window + taps)):
-        ages = (late, late + step) if step else (late,)
+        ages = (at.late, at.late + step) if step else (at.late,)
         try:
             smooth = _smoothed(part, period, window, ages)
             pose = poses_of(robot, smooth.position, guess, any_mode=True)
@@ -150,13 +167,13 @@ def rows(
             piece = smooth.rows(some)
             moved = piece.position, piece.velocity, piece.acceleration
             inertia = model.regressor(robot.parameters, pose[some], *moved)[..., list(base.kept)]
-            friction = _friction(piece, smoothing, period)
+            friction = _friction(piece, inertia, base, at.values, smoothing, period)
             Y = np.concatenate([inertia, friction, rates[some]], axis=-1)
             pieces.append(_filtered(piece, Y, slow, taps, every, cutoff, period))
         found = joined(pieces)
         yield found
         duration, known = duration + found.duration, known + int(found.known.sum())
-    if known < FEWEST * len(base.names):
+    if known < FEWEST * (len(base.inertias) + ALWAYS * base.joints):
         why = ''.join(f'; {line}' for line in motion.left_out)
         told = f'{duration:.3g} s of {motion.duration:.3g} s'
         raise BagError(f'too little motion to identify a robot: {told}{why}')
@@ -236,15 +253,41 @@ def _smoothed(
     return _Smooth(time[inner], smooth, velocity, acceleration, torque[inner])
 
 
-def _friction(smooth: _Smooth, smoothing: float, period: float) -> Array:
-    """Columns of viscous and Coulomb friction, shape (N, n, 2 n).
+def _friction(
+    smooth: _Smooth,
+    inertia: Array,
+    base: BaseParameters,
+    values: Array | None,
+    smoothing: float,
+    period: float,
+) -> Array:
+    """Columns of friction, and of the speed of its Stribeck effect, shape (N, n, F or F + 1).
 
     The sign is its mean over one period, within which the rate may pass zero.
     """
+    rate = smooth.velocity
     width = np.maximum(smoothing, 0.5 * period * np.abs(smooth.acceleration))
-    sign = np.clip(smooth.velocity / np.maximum(width, 1e-12), -1.0, 1.0)
-    own = np.eye(smooth.velocity.shape[1])
-    return np.concatenate([part[:, :, np.newaxis] * own for part in (smooth.velocity, sign)], 2)
+    sign = np.clip(rate / np.maximum(width, 1e-12), -1.0, 1.0)
+    B = inertia.shape[2]
+    transmitted = np.zeros_like(rate) if values is None else inertia @ values[:B]
+
+    def column(each: FrictionColumn) -> Array:
+        v, s = rate[:, each.joint], sign[:, each.joint]
+        if each.kind == 'stribeck':
+            return np.asarray(s * np.exp(-((v / each.speed) ** 2)))
+        by_load = np.abs(transmitted[:, each.joint]) * s
+        plain = {'viscous': v, 'coulomb': s, 'offset': np.ones_like(v), 'load': by_load}
+        return plain[each.kind]
+
+    columns = base.friction
+    fast = values is not None and any(each.kind == 'stribeck' for each in columns)
+    out = np.zeros((*rate.shape, len(columns) + fast))
+    for k, each in enumerate(columns):
+        out[:, each.joint, k] = found = column(each)
+        if fast and values is not None and each.kind == 'stribeck':
+            share = rate[:, each.joint] / each.speed
+            out[:, each.joint, -1] = values[B + k] * found * 2.0 * share**2
+    return out
 
 
 def _filtered(
