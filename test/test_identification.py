@@ -121,7 +121,7 @@ def test_what_noise_leaves_and_what_no_inertias_explain(excited):
     longer.nominal = excited.nominal
     found = identify(longer)
     assert np.abs(found.fit.values[: len(TRUTH)] / TRUTH - 1.0).max() < 0.2
-    assert '0.28 % of a torque is left, and that is no noise' in found.left.doubt
+    assert '0.29 % of a torque is left, and that is no noise' in found.left.doubt
     other = replaced(excited, effort=excited.recording.effort[:, [1, 2, 0]])
     assert 'no set of inertias explains the motion' in identify(excited, other).left.doubt
 

@@ -89,15 +89,29 @@ def test_the_end_that_was_not_fitted_is_told_first(bags, capsys, monkeypatch):
     for share, errors in zip(held['share'], said[2]['torque_error_rms_nm'].values(), strict=True):
         assert share == pytest.approx(errors['identified'] / errors['torque'], rel=0.3)
         assert share < 0.01
-    assert run('identify', bags[0]) == 0
+    assert run('identify', bags[0], '--all') == 0
     assert re.match(
         r'held out, 10.\d to 14.\d s, fitted before: ', capsys.readouterr().out.strip()
     )
 
 
+def test_an_answer_for_people_has_ten_lines(bags, capsys):
+    capsys.readouterr()
+    assert run('identify', bags[0]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) <= 10
+    assert re.match(r'planar_3rrr: 14.\d s .* from 10.\d s on, which was not fitted', lines[0])
+    head, first = (re.split(r'\s{2,}', line.strip()) for line in lines[1:3])
+    assert head == ['joint', 'error, %', 'before, %', 'viscous [N m s/rad]', 'dry [N m]']
+    assert first[0] == 'joint1' and float(first[1]) < 1.0 < float(first[2])
+    assert all(re.fullmatch(r'\S+ \+- \S+', each) for each in first[3:])
+    masses = [float(each) for each in re.findall(r'[\d.]+(?= kg| before)', lines[5])]
+    assert masses[0] == pytest.approx(3 * (6.0 + 7.39) + 5.5, rel=0.2) and masses[1] < masses[0]
+
+
 def test_the_table_says_what_a_slow_motion_does_not_tell(bags, capsys):
     capsys.readouterr()
-    assert run('identify', bags[1]) == 0
+    assert run('identify', bags[1], '--all') == 0
     out = capsys.readouterr().out
     assert 'a + 0.05333 mp' in out and '95 % interval' in out and 'condition number' in out
     assert 'robot.m1' in out and 'same bag' in out
@@ -238,7 +252,7 @@ def test_without_noise_or_rest_nothing_is_said_of_the_sensors_in_the_file(bags, 
     capsys.readouterr()
     assert run('identify', bags[1], '--format', 'json') == 0
     assert json.loads(capsys.readouterr().out)['rest'] is None
-    assert run('identify', bags[1], '--out', tmp_path / 'robot.yaml') == 0
+    assert run('identify', bags[1], '--all', '--out', tmp_path / 'robot.yaml') == 0
     assert 'no phase of rest of 0.1 s' in capsys.readouterr().out
     assert 'estimator' not in yaml.safe_load((tmp_path / 'robot.yaml').read_text())
 
@@ -299,7 +313,7 @@ def test_per_cent_are_those_of_the_estimate(bags, capsys):
     light = [f'robot.{key}=0.01' for key in ('m1', 'm2', 'mp', 'I1', 'I2', 'Ip')]
     words = [word for value in light for word in ('--set', value)]
     capsys.readouterr()
-    assert run('identify', bags[0], '--override', *words) == 0
+    assert run('identify', bags[0], '--override', *words, '--all') == 0
     out = capsys.readouterr().out
     assert 'the motion does not tell' not in out
     [row] = [line for line in out.splitlines() if line.strip().startswith('a + ')]

@@ -212,6 +212,7 @@ def draw_prediction(
     predicted: np.ndarray,
     path: str | Path,
     units: JointUnits = HINGES,
+    held_out: float | None = None,
 ) -> None:
     """Draw measured and predicted torques, joint by joint.
 
@@ -222,6 +223,7 @@ def draw_prediction(
         predicted: Predicted torques [N m], shape (T, n).
         path: File to write, which must not exist; its suffix chooses the format.
         units: Those of the joints.
+        held_out: Time from which on they were not fitted [s]; None: none.
 
     Raises:
         InputError: the suffix is of no picture format, or the file cannot be written.
@@ -232,7 +234,8 @@ def draw_prediction(
         'difference': (measured - predicted, {'color': COLOURS[1], 'lw': 0.8}),
     }
     title = f'{units.label("Torques")} by the identified robot'
-    _draw_joint_by_joint(title, time, joints, curves, path, units)
+    shaded = None if held_out is None else (held_out, float(time[-1]))
+    _draw_joint_by_joint(title, time, joints, curves, path, units, shaded)
 
 
 def _draw_joint_by_joint(
@@ -242,6 +245,7 @@ def _draw_joint_by_joint(
     curves: Mapping[str, tuple[np.ndarray, dict[str, Any]]],
     path: str | Path,
     units: JointUnits,
+    held_out: tuple[float, float] | None = None,
 ) -> None:
     """Draw torques [N m], name to values, shape (T, n), and look, one panel for each joint."""
     figure = _figure(title, max(HEIGHT, ROW * len(joints)))
@@ -249,10 +253,12 @@ def _draw_joint_by_joint(
     for k, (axes, joint) in enumerate(zip(rows, joints, strict=True)):
         for name, (values, look) in curves.items():
             axes.plot(time, values[:, k], label=name, **look)
+        if held_out:
+            axes.axvspan(*held_out, color='0.93', zorder=0, label='held out')
         unit = units.one(k).label('[N m]')
         axes.set(ylabel=unit, title=without_mathematics(joint_label(joint)))
         axes.grid(alpha=0.3)
-    rows[0].legend(loc='upper right', ncols=len(curves), fontsize='small')
+    rows[0].legend(loc='upper right', ncols=len(curves) + 1, fontsize='small')
     rows[-1].set(xlabel='t [s]')
     save(figure, path)
 

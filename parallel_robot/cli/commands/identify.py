@@ -59,6 +59,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "between which [m] a link's mass lies in its frame; may be repeated",
     )
     parser.add_argument(
+        '--all',
+        action='store_true',
+        help='all parameters and their intervals',
+    )
+    parser.add_argument(
         '--design',
         metavar='SCENARIO',
         help='no bag: search for the coefficients of its exciting trajectory, write them to --out',
@@ -99,7 +104,8 @@ def execute(arguments: argparse.Namespace) -> int:
     found.write(arguments.out, arguments.figure)
     files = {'robot': arguments.out, 'figure': arguments.figure}
     written = [f'{name:<7} {path}' for name, path in files.items() if path]
-    show(arguments.format, found.parts(), found.as_data(), written)
+    parts = found.all_parts() if arguments.all else found.parts()
+    show(arguments.format, parts, found.as_data(), written)
     return 0
 
 

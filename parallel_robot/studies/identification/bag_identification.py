@@ -22,7 +22,11 @@ from parallel_robot.studies.identification.identified import Identified, Predict
 from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.physical_robot import Bounds
-from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
+from parallel_robot.studies.identification.regression_rows import (
+    CUTOFF,
+    highest_cutoff,
+    joined,
+)
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
@@ -59,7 +63,15 @@ class Identification(ShownResult):
         return self.rest.parameters() if self.rest else {}
 
     def parts(self) -> list[Part]:
-        """The results as tables."""
+        """What its owner asks first."""
+        return [
+            *readable.summary(self.found, self.joints, self.checked if self.validated else None),
+            *(self.lag.parts() if self.lag else []),
+            *(self.rest.parts() if self.rest else []),
+        ]
+
+    def all_parts(self) -> list[Part]:
+        """All results as tables."""
         of = 'validation' if self.validated else 'same bag'
         units = self.found.nominal.robot.joint_units
         title = units.label(f'torque error, rms, {of} [N m]')
@@ -93,8 +105,17 @@ class Identification(ShownResult):
                 written.enter_context(output.written(out, content.encode()))
             if figure:
                 rows, torque = self.checked.rows, self.checked.torque
+                held, begin = None if self.validated else self.found.held_out, None
+                if held:  # as it was predicted by the fit to what is before it
+                    begin = float(held.rows.time[0])
+                    rows = rows.of(rows.time < begin)
+                    torque = np.concatenate([torque[: len(rows.time)], held.torque])
+                    rows = joined([rows, held.rows])
                 units = self.found.nominal.robot.joint_units
-                figures.draw_prediction(rows.time, self.joints, rows.torque, torque, figure, units)
+                measured = np.where(rows.known, rows.torque, np.nan)
+                figures.draw_prediction(
+                    rows.time, self.joints, measured, torque, figure, units, begin
+                )
 
 
 def check_files(out: Path | None, figure: Path | None) -> None:

@@ -29,8 +29,8 @@ from parallel_robot_model.common.units import Array
 
 BLOCKS = 10
 SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect, over the rms of the rates
-LEAST = 0.001  # of the error of its joint that a column must save
-EXACT = 1e-3  # of the torque: errors that are less are of no interest
+LEAST = 0.005  # of the error of its joint that a column must save
+EXACT = 5e-3  # of the torque: errors that are less are of no interest
 RIDGE = 1e-9  # of the largest eigenvalue: what the others of a block do not tell stays nominal
 
 
@@ -50,6 +50,11 @@ class Choice(NamedTuple):
     # of each that is not always there: what it saves of the error of its joint [1], with the half
     # width of its 95 % interval
     saved: dict[FrictionColumn, tuple[float, float]]
+
+    def pays(self, column: FrictionColumn) -> bool:
+        """Whether what a column saves is above its interval."""
+        mean, half = self.saved[column]
+        return mean > half
 
     def without(self, doubtful: Collection[FrictionColumn]) -> Choice:
         """The same without some columns."""

@@ -44,7 +44,9 @@ from parallel_robot_model.robots.registry import RobotModel, robot_of
 LATEST = 0.02  # s, largest delay that is looked for
 COUNTS = 0.2  # of a period, a delay that is taken into account
 ITERATIONS = 12  # of what is not linear
-SURE = 1.5  # half widths of the 95 % interval, the value of a column of friction that stays
+# Half widths of the 95 % interval, the value of a column of friction that stays: where what it
+# saves is above its interval, and where it is not.
+SURE, SURER = 1.5, 2.5
 CLOSE = 1e-4  # relative, of torques and of the speed of the Stribeck effect: it is found
 
 
@@ -111,6 +113,11 @@ class Prediction:
     def share(self) -> Array:
         """The errors over the torques, shape (n,)."""
         return self.error / np.maximum(self.size, 1e-300)
+
+    @property
+    def share_before(self) -> Array:
+        """The same of the nominal robot, shape (n,)."""
+        return self.nominal_error / np.maximum(self.size, 1e-300)
 
 
 def nominal_of(log: RunLog) -> Nominal:
@@ -348,11 +355,11 @@ def _choice(regression: _Regression) -> Choice:
     while True:
         columns = choice.columns
         fit = _fit(regression.with_friction(columns)).fit
-        sure = np.abs(fit.values) > SURE * fit.interval * fit.standard_errors
+        widths = np.abs(fit.values) / (fit.interval * fit.standard_errors)
         doubtful = {
             each
-            for each, told in zip(columns, sure[-len(columns) :], strict=True)
-            if each in choice.saved and not told
+            for each, width in zip(columns, widths[-len(columns) :], strict=True)
+            if each in choice.saved and width < (SURE if choice.pays(each) else SURER)
         }
         if not doubtful:
             return choice

@@ -16,7 +16,66 @@ from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import rounded
 from parallel_robot_model.configuration.fields import plain
 
+# kinds of friction for people
+WORDS = {
+    'viscous': 'viscous', 'coulomb': 'dry', 'offset': 'constant', 'stribeck': 'more at rest',
+    'load': 'by load',
+}  # fmt: skip
 LONG = 12  # numbers of a list, of which beyond that only those that changed are told
+
+
+def summary(
+    found: Identified, joints: Sequence[str], validation: Prediction | None = None
+) -> list[Part]:
+    """What an owner asks first: how far it can be believed, friction, mass, what is not told."""
+    held, fit, robot = found.held_out, found.fit, found.robot
+    units = found.nominal.robot.joint_units
+    columns: dict[str, list[str]] = {'joint': [*joints]}
+    title = f'{found.nominal.robot.name}: {found.squares.duration:.3g} s of motion'
+    if held:
+        title += f'; the error is that from {held.rows.time[0]:.3g} s on, which was not fitted'
+        for name, shares in (('error, %', held.share), ('before, %', held.share_before)):
+            columns[name] = [f'{100.0 * each:.3g}' for each in shares]
+    if validation:
+        columns['validation, %'] = [f'{100.0 * each:.3g}' for each in validation.share]
+    half = fit.interval * fit.standard_errors
+    for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
+        unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
+        column = columns.setdefault(units.label(WORDS[kind] + unit), [''] * len(joints))
+        column[joint] = f'{fit.values[k]:.3g} +- {half[k]:.1g}'
+    rows = [[each[k] for each in columns.values()] for k in range(len(joints))]
+    told: list[Part] = [title, Table([*columns], rows), *_mass(found)]
+    if speeds := {each.speed for each in found.base.friction} - {0.0}:
+        speed = f'{max(speeds):.3g} {units.of("rad/s")}'
+        told.append(f'what is more at rest falls with exp(-(v / ({speed}))^2)')
+    if robot.active:
+        told.append(_active(robot.misfit))
+    told += [f'bound active: {each}' for each in robot.bounds]
+    if found.poor:
+        told.append(
+            f'the motion does not tell {len(found.poor)} of {len(fit.values)} combinations to '
+            '10 %; to find one that does: identify --design'
+        )
+    return [*told, 'all parameters and intervals: --all']
+
+
+def _active(misfit: float) -> str:
+    return (
+        'constraint active: no robot that can be built has these estimates; the nearest one '
+        f'is {misfit:.2g} standard errors away'
+    )
+
+
+def _mass(found: Identified) -> list[str]:
+    """Mass of the chosen robot and of the nominal one, where it has a mass."""
+    nominal = found.nominal.robot
+    model, parameters = linear_model(nominal), nominal.parameters
+    bodies = model.bodies(parameters)
+    if 'mass' not in bodies.known:
+        return []
+    row = bodies.known['mass'].rows(0.0, np.inf)[0, :-1]
+    now = model.bodies(parameters._replace(**found.robot.robot)).numbers
+    return [f'mass {row @ now:.4g} kg in all, {row @ bodies.numbers:.4g} before']
 
 
 def parts(found: Identified) -> list[Part]:
@@ -41,10 +100,7 @@ def parts(found: Identified) -> list[Part]:
         *(f'the motion does not tell: {line}' for line in poor(found)),
     ]
     if robot.active:
-        parts.append(
-            'constraint active: no robot that can be built has these estimates; the nearest one '
-            f'is {robot.misfit:.2g} standard errors away'
-        )
+        parts.append(_active(robot.misfit))
     parts += [f'bound active: {each}' for each in robot.bounds]
     keys = [
         [f'robot.{key}{index}', f'{number:.5g}', f'{before:.5g}']
@@ -89,10 +145,9 @@ def held_out(found: Identified, joints: Sequence[str]) -> list[Part]:
     if held is None:
         return []
     begin, end = held.rows.time[0], held.rows.time[-1]
-    before = held.nominal_error / np.maximum(held.size, 1e-300)
     rows = [
         [name, *(f'{100.0 * each:.3g}' for each in shares)]
-        for name, shares in (('identified', held.share), ('before', before))
+        for name, shares in (('identified', held.share), ('before', held.share_before))
     ]
     title = f'held out, {begin:.3g} to {end:.3g} s, fitted before: error, % of torque, rms'
     return [Table([title, *joints], rows)]
@@ -109,7 +164,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
             'from_s': float(held.rows.time[0]),
             'to_s': float(held.rows.time[-1]),
             'share': held.share.tolist(),
-            'share_before': (held.nominal_error / np.maximum(held.size, 1e-300)).tolist(),
+            'share_before': held.share_before.tolist(),
         },
         'robot_model': found.nominal.robot.name,
         'duration_s': found.squares.duration,
@@ -133,6 +188,14 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
                 'of_chosen_robot': float(robot.values[k]),
             }
             for k, (name, unit) in enumerate(zip(found.base.names, found.base.units, strict=True))
+        ],
+        'friction_chosen': [
+            {
+                'name': f'{each.kind}{each.joint + 1}',
+                'error_saved': saved,
+                'half_width_95': half,
+            }
+            for each, (saved, half) in found.choice.saved.items()
         ],
         'left_of_torque': found.left.share.tolist(),
         'left_correlation': found.left.correlation,
