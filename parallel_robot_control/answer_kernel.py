@@ -318,7 +318,8 @@ def _close(
     numbers[LOGGED] += 1
     age = max(0, now - stamp)
     common.ages[numbers[ANSWERS] % AGES] = age
-    numbers[YOUNGEST] = min(age, numbers[YOUNGEST] + period // AGEING)
+    if now != 0:
+        numbers[YOUNGEST] = min(age, numbers[YOUNGEST] + period // AGEING)
     numbers[ANSWERS] += 1
     ended = numbers[END] != NEVER and stamps.now >= numbers[END]
     numbers[HEARD] = 0 if ended else monotonic

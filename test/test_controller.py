@@ -167,6 +167,19 @@ def test_states_are_answered_within_the_age_that_is_allowed_on_both_sides_of_the
         assert min(code, ANSWERED) == expected  # with an answer, it has further bits
 
 
+def test_a_state_whose_age_is_not_known_is_no_young_one(motion):
+    """As the first one of another layout; then states come in pairs, 3 or 4 ms old."""
+    references, states = motion
+    core = controller()
+    layout = layouts.joint_state(core.configuration.loop.joints)
+    run(core, motion, [0])
+    core.expect(layout, [0, 1, 2])
+    for k in range(1, 20):
+        stamp, late = START + k * MS, 4 * MS if k % 2 else 3 * MS
+        core.add_reference(stamp, references[k])
+        assert core.answer(layout.encode(stamp, **states[k]._asdict()), now=stamp + late) > 0
+
+
 def test_the_period_is_the_time_between_two_stamps(motion):
     """A constant error integrates to error times time, however far apart the states are."""
     references, states = motion
