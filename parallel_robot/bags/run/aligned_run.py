@@ -50,9 +50,8 @@ def aligned(
     """
     (values, loop, start), known = settings, bool(found.metadata)
     units, age, view = units_of(values), reported_age(values), view.of(known)
-    states, references, commands, recorded, counted, warnings = run_messages.of(
-        bag, found, streams, loop.joints, units
-    )
+    messages = run_messages.of(bag, found, streams, loop.joints, units)
+    states, references, warnings = messages.states, messages.references, messages.warnings
     if not start and span == WHOLE:  # of a part it is known
         start = int(max(states.stamps[0], references.stamps[0]))
     used = _used(bag, states.stamps + age, max(start, int(references.stamps[0])))
@@ -85,7 +84,7 @@ def aligned(
     if assumed:
         warnings.append(f'{bag} {assumed}')
     answer, answers, in_use = _answers(
-        stamps, states, references, commands, recorded, span == WHOLE
+        stamps, states, references, messages.commands, messages.answers, span == WHOLE
     )
     apart = Contradiction(), Contradiction()
     if found.metadata.get('source') != SIMULATION:  # whose units, signs and faults are known
@@ -109,8 +108,8 @@ def aligned(
         states.numbers['velocity'][used],
         _commanded(answer) if effort is None else effort,
         *desired,
-        commands.numbers['data'],
-        count(counted, loop.period_ns, recorded, states_period, span),
+        messages.commands.numbers['data'],
+        count(messages.streams, loop.period_ns, messages.answers, states_period, span),
         answer,
         states.log_times[used],
         answers,

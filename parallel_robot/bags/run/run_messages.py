@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -211,14 +211,25 @@ def leaping(position: np.ndarray) -> np.ndarray:
 FEW_LEAPS = 0.2  # of the states, which may be of another publisher
 
 
+class Messages(NamedTuple):
+    """The messages of a run, or of a part of it."""
+
+    states: Samples  # in the order of their stamps, with velocities, NaN where there are none
+    references: Samples  # in the order of their stamps
+    commands: Samples  # NaN where no robot can obey
+    answers: Answers | None  # commands with the states that they answer; None: nobody says
+    streams: dict[Topic, list[Samples]]  # all of its topics, without those of other publishers
+    warnings: list[str]  # what was left out or put in order, one line each
+
+
 def of(
     bag: Path,
     found: Bag[list[Samples]],
     streams: Mapping[Topic, list[Samples]],
     joints: tuple[str, ...],
     units: JointUnits,
-) -> tuple[Samples, Samples, Samples, Answers | None, dict[Topic, list[Samples]], list[str]]:
-    """The messages of a run, or of a part of it.
+) -> Messages:
+    """The messages of a run, or of a part of it, cleaned.
 
     Args:
         bag: The bag, for error messages.
@@ -226,12 +237,6 @@ def of(
         streams: Its messages by topic.
         joints: Names of the actuated joints.
         units: Units of the joints.
-
-    Returns:
-        States, with velocities, NaN where there are none, and references, both in the order of
-        their stamps; commands, NaN where no robot can obey; the commands with the states that
-        they answer, None where the bag does not say; all messages of its topics, without those of
-        other publishers; what was left out or put in order, one line each.
 
     Raises:
         BagError: a topic that is needed is not there, or not understood.
@@ -270,7 +275,7 @@ def of(
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = matching.recorded_answers(streams.get(topics.ANSWERED, []), commands)
     commands.numbers['data'][~physical(commands)] = np.nan  # as if there were none
-    return states, references, commands, recorded, streams, warnings
+    return Messages(states, references, commands, recorded, streams, warnings)
 
 
 APART = 1_000_000_000  # ns, between what two recorders wrote of one message; more is another run
