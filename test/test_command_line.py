@@ -138,11 +138,11 @@ def test_a_bag_that_is_none(path, reason, tmp_path, capsys):
 @pytest.mark.parametrize(
     'words',
     [
-        ['--json', 'missing/run.json'],
+        ['--json', '/dev/null/run.json'],
         ['--json', '.'],
-        ['--figure', 'missing/run.png'],
+        ['--figure', '/dev/null/run.png'],
         ['--figure', 'run.doc'],
-        ['--json', 'run.json', '--figure', 'missing/run.png'],
+        ['--json', 'new/run.json', '--figure', '/dev/null/run.png'],
     ],
     ids=' '.join,
 )

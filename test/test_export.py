@@ -55,12 +55,13 @@ def test_nothing_is_overwritten(suffix, bag, tmp_path, capsys):
     [
         ('run.xls', "unknown table format '.xls'"),
         ('run', "unknown table format ''"),
-        ('missing/run.csv', 'No such file or directory'),
+        ('file/run.csv', 'Not a directory'),
     ],
 )
 def test_a_file_that_cannot_be_written(out, message, bag, tmp_path, capsys):
+    (tmp_path / 'file').write_text('mine')
     assert message in refused(['export', bag, '--out', tmp_path / out], capsys)
-    assert not list(tmp_path.iterdir())
+    assert list(tmp_path.iterdir()) == [tmp_path / 'file']
 
 
 def test_a_full_disk_leaves_no_half_table(bag, tmp_path, capsys):

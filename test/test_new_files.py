@@ -26,7 +26,17 @@ def gathered(path, content):
     output.save_directory(path, {'a': content, 'sub/b': content})
 
 
-WRITERS = {'save': output.save, 'growing': grown, 'save_directory': gathered}
+def kept(path, content):
+    with output.written(path, content):
+        pass
+
+
+WRITERS = {
+    'save': output.save,
+    'growing': grown,
+    'save_directory': gathered,
+    'written': kept,
+}
 THERE = {
     'a file': lambda path: path.write_bytes(THEIRS),
     'a directory': Path.mkdir,
@@ -82,8 +92,27 @@ def test_a_file_that_comes_while_another_grows_stays(tmp_path):
     assert tree(tmp_path) == {'out': THEIRS}
 
 
+@pytest.mark.parametrize('write', WRITERS.values(), ids=WRITERS)
+def test_the_folder_of_what_is_new_is_made(write, tmp_path):
+    output.check_new(tmp_path / 'a' / 'b' / 'out', '--out')
+    assert tree(tmp_path) == {}
+    write(tmp_path / 'a' / 'b' / 'out', OURS)
+    assert {'a': None, 'a/b': None}.items() < tree(tmp_path).items()
+    (tmp_path / 'file').write_bytes(THEIRS)
+    for act in (write, output.check_new):
+        with pytest.raises(InputError, match=r'cannot write .*: Not a directory'):
+            act(tmp_path / 'file' / 'b' / 'out', OURS)
+
+
+@pytest.mark.parametrize('folder', ['.', 'a/b'])
 @pytest.mark.parametrize('write', [output.growing, lambda path: output.written(path, OURS)])
-def test_what_fails_leaves_nothing(write, tmp_path):
-    with pytest.raises(KeyboardInterrupt), write(tmp_path / 'out'):
+def test_what_fails_leaves_nothing(write, folder, tmp_path):
+    with pytest.raises(KeyboardInterrupt), write(tmp_path / folder / 'out'):
         raise KeyboardInterrupt
     assert tree(tmp_path) == {}
+
+
+def test_a_folder_in_which_somebody_else_writes_meanwhile_stays(tmp_path):
+    with pytest.raises(InputError, match='File exists'):
+        overtaken(tmp_path / 'a' / 'b' / 'out', OURS)
+    assert tree(tmp_path) == {'a': None, 'a/b': None, 'a/b/out': THEIRS}

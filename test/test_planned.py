@@ -45,7 +45,7 @@ def test_limits_that_are_near_are_drawn_and_axes_have_no_path():
 
 @pytest.mark.parametrize(
     ('name', 'reason'),
-    [('a.txt', 'picture format'), ('there.png', 'cannot write'), ('no/a.png', 'no/a.png')],
+    [('a.txt', 'picture format'), ('there.png', 'cannot write'), ('there.png/a.png', 'directory')],
 )  # fmt: skip
 def test_a_picture_that_cannot_be_written_costs_one_line(
     name, reason, tmp_path, capsys, monkeypatch

@@ -405,7 +405,7 @@ def test_a_law_of_ones_own_is_replayed_and_tried(simulated, tmp_path, capsys):
         (['--set', 's_fotsmc.G=.nan'], 's_fotsmc.G must be finite'),
         (['--law', 'smc', '--set', 'law=pid'], '--law is smc'),
         (['--law', 'smc', '--figure', 'torques.doc'], 'unknown picture format'),
-        (['--law', 'smc', '--figure', 'missing/torques.png'], 'cannot write'),
+        (['--law', 'smc', '--figure', '/dev/null/torques.png'], 'cannot write'),
     ],
 )
 def test_bad_words_cost_one_line(words, message, simulated, capsys):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import VIEWS
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, Table
@@ -227,7 +228,10 @@ def draw(facts: Facts, file: Path) -> None:
 
     Args:
         facts: The machine.
-        file: Picture that is written.
+        file: Picture that is written, which must not exist.
+
+    Raises:
+        InputError: it cannot be written, or its suffix is of no picture format.
     """
     from matplotlib.figure import Figure  # it takes long to load
 
@@ -244,7 +248,7 @@ def draw(facts: Facts, file: Path) -> None:
     for line in ends:
         space.plot(*line.T, color='C0', lw=1.5)
     space.set_box_aspect(np.maximum(np.ptp(ends.reshape(-1, 3), axis=0), 1e-3))
-    figure.savefig(file, dpi=120)
+    figures.save(figure, file)
 
 
 def _add(axes: Any, ends: Array, pose: Array, shown: tuple[int, int], facts: Facts) -> None:

@@ -29,17 +29,23 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def check_new(path: Path, option: str) -> None:
-    """Refuse a file that exists, or whose directory does not; the message names the option.
+    """Refuse a file that exists or cannot be made; the message names the option.
 
     Raises:
-        InputError: it does, or the directory does not.
+        InputError: with the reason.
+        RunError: the disk is full.
     """
-    if path.exists() or path.is_symlink():
-        raise InputError(f'{path} exists; nothing is overwritten, choose another {option}')
-    folder = path.absolute().parent
-    if not folder.is_dir():
-        reason = os.strerror(errno.ENOTDIR if folder.exists() else errno.ENOENT)
-        raise InputError(f'cannot write {path}: {reason}')
+    with asked_for(path):
+        if path.exists() or path.is_symlink():
+            raise InputError(f'{path} exists; nothing is overwritten, choose another {option}')
+        _check_place(path)
+
+
+def _check_place(path: Path) -> None:
+    """Refuse a place where nothing can be made, without leaving a trace; an OSError says why."""
+    parent = next(parent for parent in path.absolute().parents if parent.exists())
+    with tempfile.TemporaryDirectory(dir=parent):
+        pass
 
 
 def write_new(path: Path, content: bytes | memoryview) -> None:
@@ -67,7 +73,7 @@ def save(path: Path, content: bytes | memoryview) -> None:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    with asked_for(path):
+    with asked_for(path), in_its_folder(path):
         write_new(path, content)
 
 
@@ -82,6 +88,22 @@ def asked_for(path: Path, full: type[ParallelRobotError] = RunError) -> Iterator
 
 
 @contextlib.contextmanager
+def in_its_folder(path: Path) -> Iterator[None]:
+    """Make the folder of what is written in the block; it goes again when that fails."""
+    folder = path.absolute().parent
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    try:
+        if made:
+            folder.mkdir(parents=True, exist_ok=True)
+        yield
+    except BaseException:
+        for each in made:
+            with contextlib.suppress(OSError):  # somebody else has put something there
+                each.rmdir()
+        raise
+
+
+@contextlib.contextmanager
 def growing(path: Path) -> Iterator[IO[bytes]]:
     """Write the file that a command was asked for, which must not exist, piece by piece.
 
@@ -91,7 +113,7 @@ def growing(path: Path) -> Iterator[IO[bytes]]:
         InputError: it exists or cannot be written there.
         RunError: the disk is full.
     """
-    with asked_for(path):
+    with asked_for(path), in_its_folder(path):
         draft = path.with_name(f'.{path.name}.{os.getpid()}.part')
         file = draft.open('xb')
         try:
@@ -123,6 +145,7 @@ def save_directory(path: Path, contents: Mapping[str, bytes]) -> None:
     """
     with (
         asked_for(path),
+        in_its_folder(path),
         tempfile.TemporaryDirectory(dir=path.absolute().parent) as folder,
     ):
         draft = Path(folder) / path.name
@@ -140,13 +163,15 @@ def written(path: Path, content: bytes) -> Iterator[None]:
     Raises:
         InputError: it exists or cannot be written.
     """
-    with asked_for(path, InputError):
-        write_new(path, content)
-    try:
-        yield
-    except BaseException:
-        path.unlink(missing_ok=True)
-        raise
+    with contextlib.ExitStack() as folder:
+        with asked_for(path, InputError):
+            folder.enter_context(in_its_folder(path))
+            write_new(path, content)
+        try:
+            yield
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
 
 
 def create_directory(directory: str | Path) -> Path:
@@ -174,9 +199,7 @@ def check_directory(directory: str | Path) -> None:
     try:
         if directory.exists():
             raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
-        parent = next(parent for parent in directory.absolute().parents if parent.exists())
-        with tempfile.TemporaryDirectory(dir=parent):
-            pass
+        _check_place(directory)
     except OSError as error:
         raise BagError(f'cannot write to {directory}: {error.strerror}') from None
 

@@ -422,7 +422,7 @@ def save(figure: Any, path: str | Path) -> None:
     check_format(path)
     content = io.BytesIO()
     figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
-    with output.asked_for(Path(path), InputError):
+    with output.asked_for(Path(path), InputError), output.in_its_folder(Path(path)):
         output.write_new(Path(path), content.getbuffer())
 
 
