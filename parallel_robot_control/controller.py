@@ -46,7 +46,6 @@ from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.robots.contract import Fault
 
-EFFORT = 2  # row of the measured efforts
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
@@ -261,7 +260,8 @@ class Controller(ControllerState):
                 self._changed = False
                 self._count_fault()
                 if code & TELEMETRY:
-                    self._efforts.note(self._arrays.measured[EFFORT], self._arrays.torques)
+                    _, velocity, effort = self._arrays.measured
+                    self._efforts.note(effort, self._arrays.torques, velocity)
         self.code = code
         return code
 

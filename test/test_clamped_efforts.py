@@ -1,7 +1,10 @@
 """What is told of efforts that stay below the commands."""
 
+import re
+
 import numpy as np
 import pytest
+from rig import Rig
 
 from parallel_robot_control.safety.clamped_efforts import ClampedEfforts
 from parallel_robot_model.common.units import HINGES, JointUnits
@@ -16,7 +19,7 @@ def told(effort, torque=TORQUE, units=HINGES):
     """Of two joints, of which the first does as it should."""
     looked = ClampedEfforts(('first', 'second'), [TOLERANCE, TOLERANCE], units)
     for acts, asked in zip(effort, torque, strict=True):
-        looked.note(np.array([asked, acts]), np.array([asked, asked]))
+        looked.note(np.array([asked, acts]), np.array([asked, asked]), np.zeros(2))
     return looked.told()
 
 
@@ -48,3 +51,37 @@ def test_other_motors_that_do_not_apply_it_are_not_called_limited(effort):
 
 def test_of_a_single_state_nothing_is_told():
     assert told([LIMIT], [1.0]) == ''
+
+
+def explained(apply, law, begin=0):
+    """What is told of the fault when torques act as `apply` has them, from a sample on."""
+    rig, random = Rig(law=law), np.random.default_rng(0)
+    applied = np.zeros(3)
+    while not rig.controller.fault:
+        seen, noise = rig.measured(), 2e-3 * random.normal(size=3)
+        asked = rig.ask(seen._replace(velocity=seen.velocity + noise, effort=applied)).torque
+        applied = apply(asked, seen.velocity) if rig.k >= begin else asked
+        rig.simulator.advance(applied)
+        rig.k += 1
+    return rig.controller.explained(rig.controller.status.fault).text
+
+
+@pytest.mark.parametrize('law', ['s_fotsmc', 'pid'])
+def test_a_limit_of_speed_below_that_of_the_motion_is_named(law):
+    def cut(torque, rate):
+        """As the manager of ros2_control does it."""
+        return np.where((np.abs(rate) > 0.05) & (rate * torque > 0.0), 0.0, torque)
+
+    text = explained(cut, law)
+    assert re.search(r': efforts of joint\d come and go at 0\.0[456]\d* rad/s: a limit', text)
+    assert text.endswith('<limit velocity> of the URDF)')
+
+
+@pytest.mark.parametrize('joint', [0, 1, 2, slice(None)])
+def test_motors_that_are_off_while_the_robot_moves_are_under_no_limit_of_speed(joint):
+    def off(torque, _):
+        torque = torque.copy()
+        torque[joint] = 0.0
+        return torque
+
+    assert explained(off, 's_fotsmc', 200).endswith('the commanded torque')
