@@ -14,7 +14,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import When, before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
-from parallel_robot_control.joint_states import StateRhythm
+from parallel_robot_control.joint_states import HeldCommands, StateRhythm
 from parallel_robot_control.messages import (
     NOT_UNDERSTOOD,
     answers_message,
@@ -75,6 +75,7 @@ class Shared(NamedTuple):
     # (AGES, 3)
     log: NDArray[np.int64]
     commanded: Array  # torques of each answer in the log [N m], shape (AGES, n)
+    efforts: Array  # measured efforts of the states in the log [N m], shape (AGES, n)
     ages: NDArray[np.int64]  # ages of the states when they were answered [ns], shape (AGES,)
 
 
@@ -88,6 +89,7 @@ def shared(joints: int) -> Shared:
         command.bytes,
         command.fields['data'],
         np.zeros((AGES, 3), np.int64),
+        np.zeros((AGES, joints)),
         np.zeros((AGES, joints)),
         np.zeros(AGES, np.int64),
     )
@@ -154,6 +156,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)
     write_row(common.commanded, common.numbers[LOGGED] % AGES, done.torque)
+    write_row(common.efforts, common.numbers[LOGGED] % AGES, question.effort)
     phase = lock_in.phase(estimator.lock_in, sample, row)
     code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
     numbers, after = common.numbers, done.state
@@ -347,6 +350,7 @@ class AnswerLog:
         """Prepare the log; `arrays` are shared with the kernels, `period` is in ns."""
         # how often states come and are skipped, of what was collected
         self.rhythm = StateRhythm(period)
+        self.held = HeldCommands()  # whether each command acts for several states
         self._arrays = arrays
         self._numbers = arrays.numbers
         self._ages_taken = 0
@@ -359,7 +363,8 @@ class AnswerLog:
     def zero_command(self) -> bytes:
         """A command of zero torque that answers no state, and is logged as such."""
         row = self._numbers[LOGGED] % AGES
-        self._arrays.log[row] = self._arrays.commanded[row] = 0
+        for each in (self._arrays.log, self._arrays.commanded, self._arrays.efforts):
+            each[row] = 0
         self._numbers[LOGGED] += 1
         return layouts.float64_multi_array(len(self._arrays.torques)).template.tobytes()
 
@@ -368,6 +373,7 @@ class AnswerLog:
         count = min(int(self._numbers[LOGGED]), AGES)
         self._numbers[LOGGED] = 0
         self.rhythm.note(self._arrays.log[:count, 0].copy())
+        self.held.note(self._arrays.efforts[:count].copy(), self._arrays.commanded[:count].copy())
         return answers_message(self._arrays.log[:count], self._arrays.commanded[:count])
 
     def take_ages(self) -> Array:

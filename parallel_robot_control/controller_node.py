@@ -165,6 +165,7 @@ class ControllerNode(SuiteNode):
         """What the controller is doing."""
         rhythm = self._controller.log.rhythm
         rhythm.look()
+        self._controller.log.held.look()
         ages = self._controller.log.take_ages()
         taken = self.lost(topics.JOINT_STATES) + self._refused.count
         self._missing.look(rhythm.last, taken, float(ages.max(initial=0.0)))
@@ -187,7 +188,8 @@ class ControllerNode(SuiteNode):
 
     def doubts(self) -> dict[str, str]:
         """What is wrong with the joint states."""
-        doubts = {'rate': self._controller.log.rhythm.doubt}
+        log = self._controller.log
+        doubts = {'rate': log.rhythm.doubt, 'held': log.held.doubt}
         if not self.lockstep:
             doubts |= self._refused.told(
                 self._controller.stamp, self._state_reader.problem, self.loop.joints

@@ -175,6 +175,44 @@ class StateRhythm:
         )
 
 
+# Whether commands act at a rate of their own, by the efforts of the states that were answered.
+
+MOST = 0.7  # share of the steps of efforts that have the same number of states between them
+
+
+class HeldCommands:
+    """Finds that efforts change with each second, say, state alone, and commands with each."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.doubt = ''  # that they do; empty if not
+        self._noted: deque[tuple[Array, Array]] = deque()
+
+    def note(self, efforts: Array, commands: Array) -> None:
+        """Note efforts [N m] and what answered them, shape (N, n) each; cheap, for the loop."""
+        self._noted.append((efforts, commands))
+
+    def look(self) -> None:
+        """Take in what was noted since the last time; in one thread alone."""
+        new = [self._noted.popleft() for _ in range(len(self._noted))]
+        self.doubt = ''
+        if not new:
+            return
+        acts, asked = (
+            (np.diff(np.concatenate(rows), axis=0) != 0.0).any(axis=1)
+            for rows in zip(*new, strict=True)
+        )
+        spans = np.diff(np.flatnonzero(acts))
+        if len(spans) <= FEW or asked.mean() < MOST:
+            return
+        usual = int(np.median(spans))
+        if usual > 1 and np.mean(spans == usual) > MOST:
+            self.doubt = (
+                f'efforts change with 1 of {usual} states, commands with each: has the effort '
+                'controller an update_rate of its own? (docs/hardware.md)'
+            )
+
+
 # States that are missing, told with their likely cause.
 
 HELD = 0.1  # share of the states, from which on real time is not held

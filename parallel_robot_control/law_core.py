@@ -73,6 +73,7 @@ def _common(references: Any, timing: Timing, state: CycleState, arrays: Shared) 
         arrays.torques,
         arrays.log,
         arrays.commanded,
+        arrays.efforts,
         arrays.ages,
     )
 

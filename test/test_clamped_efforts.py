@@ -73,8 +73,10 @@ def test_a_limit_of_speed_below_that_of_the_motion_is_named(law):
         return np.where((np.abs(rate) > 0.05) & (rate * torque > 0.0), 0.0, torque)
 
     text = explained(cut, law)
-    assert re.search(r': efforts of joint\d come and go at 0\.0[456]\d* rad/s: a limit', text)
-    assert text.endswith('<limit velocity> of the URDF)')
+    assert re.search(
+        r': efforts of joint\d come and go at 0\.0[456]\d* rad/s: a limit of speed', text
+    )
+    assert text.endswith('<limit> of the URDF)')
 
 
 @pytest.mark.parametrize('joint', [0, 1, 2, slice(None)])

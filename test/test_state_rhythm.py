@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot_control.joint_states import MissingStates, StateRhythm
+from parallel_robot_control.joint_states import HeldCommands, MissingStates, StateRhythm
 
 MS = 10**6  # ns
 START = 10**9  # ns
@@ -93,3 +93,40 @@ def test_states_that_come_late_are_told_beside_those_that_are_missing():
     missing.look(found([1, 1, 1, 2] * 200).last, 0, 0.342)
     assert missing.never_sent.endswith('; others come up to 342 ms late')
     assert missing.figures == '20 %, longest gap 2 ms'
+
+
+RANDOM = np.random.default_rng(3)
+ASKED = RANDOM.normal(size=(1000, 3))  # N m
+
+
+def held(efforts, commands=ASKED, parts=100):
+    """What is told of efforts, and of the commands that answer them."""
+    looked = HeldCommands()
+    for rows in zip(np.array_split(efforts, parts), np.array_split(commands, parts), strict=True):
+        looked.note(*rows)
+    looked.look()
+    return looked.doubt
+
+
+@pytest.mark.parametrize('every', [2, 4, 10])
+def test_commands_that_act_for_several_states_are_told(every):
+    efforts = ASKED[np.arange(1000) // every * every]
+    come = np.arange(1000) % 100 != 50  # one in a hundred is missing
+    assert held(efforts[come], ASKED[come]).startswith(f'efforts change with 1 of {every} states')
+
+
+@pytest.mark.parametrize(
+    ('efforts', 'commands'),
+    [
+        (ASKED, ASKED),
+        (np.full_like(ASKED, np.nan), ASKED),  # not reported
+        (ASKED[np.arange(1000) // 4 * 4] + 1e-3 * RANDOM.normal(size=(1000, 3)), ASKED),  # noisy
+        (ASKED[np.arange(1000) // 4 * 4],) * 2,  # nothing else was commanded
+        (ASKED[np.maximum.accumulate(np.arange(1000) * (RANDOM.uniform(size=1000) < 0.4))], ASKED),
+        (np.zeros_like(ASKED), ASKED),  # off
+        (ASKED[:20] * np.eye(20)[:, :1], ASKED[:20]),
+    ],
+    ids=['each', 'none', 'noise', 'slow_law', 'late', 'off', 'few'],
+)
+def test_other_efforts_are_not_called_held(efforts, commands):
+    assert held(efforts, commands) == ''

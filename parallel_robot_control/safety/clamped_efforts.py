@@ -16,8 +16,9 @@ CAUSE = (
     'a limit below safety.torque_limit? (enforce_command_limits, <limit effort> of the URDF, '
     'or one of the drives)'
 )
-TOO_FAST = (
-    'a limit below safety.speed_limit? (enforce_command_limits, <limit velocity> of the URDF)'
+CUT = (
+    'a limit of speed below safety.speed_limit, or of position? (enforce_command_limits, '
+    '<limit> of the URDF)'
 )
 
 
@@ -60,7 +61,7 @@ class ClampedEfforts:
                 return f'{what} stay at {level} where {torque[-1]:.3g} is commanded: {CAUSE}'
             speed = _cut_at(effort, torque, velocity, tolerance)
             if speed:
-                return f'{what} come and go at {speed:.2g} {units.of("rad/s")}: {TOO_FAST}'
+                return f'{what} come and go at {speed:.2g} {units.of("rad/s")}: {CUT}'
         return ''
 
 
