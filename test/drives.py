@@ -161,7 +161,7 @@ class Drives(Node):
         self._states.start()
         self._bench = self.create_publisher(Float64MultiArray, 'bench', QoSProfile(depth=1000))
         self._turns = 0  # of the hand
-        self._peaks = np.zeros(3)  # of torque, command, step of the torque [N m]
+        self._peaks = np.zeros(2)  # of torque, command [N m]
         commands = topics.COMMANDS.name
         self.create_subscription(Float64MultiArray, commands, self._on_command, COMMANDS)
         self.create_subscription(Float64MultiArray, 'hand', self._on_hand, SYSTEM_DEFAULT)
@@ -216,12 +216,10 @@ class Drives(Node):
     def _update(self, stamp):
         """One turn of the controller manager: read, update, write."""
         with self._turn:
-            before = self._torque
             if self._on[COMPONENT] and time.time_ns() - stamp < self.thread._period:
                 self._cycle(stamp)
             self._show()
             self._peaks[0] = max(self._peaks[0], np.abs(self._torque).max())
-            self._peaks[2] = max(self._peaks[2], np.abs(self._torque - before).max())
             self._turns = max(0, self._turns - 1)
             errs = not (self._on[COMPONENT] or self._zeroes)
             if self._on[EFFORT] or errs or self._turns:
@@ -277,7 +275,7 @@ class Drives(Node):
             seen = [*joints.pose, *self._peaks, *joints.position]
             seen += self._states.stalls, self._states.dropped, self._count
             self._bench.publish(Float64MultiArray(data=list(map(float, seen))))
-            self._peaks = np.zeros(3)
+            self._peaks = np.zeros(2)
         self._count += 1
 
     def _fail(self, error):

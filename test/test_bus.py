@@ -25,15 +25,7 @@ pytest_plugins = ['ros_fixtures']
 ROOT = Path(__file__).parents[1]
 PATH = f'{ROOT}{os.pathsep}{ROOT / "test"}'
 BENCH = Topic('bench', 'std_msgs/msg/Float64MultiArray')
-XY, POSE, TORQUE, STEP, STALLS, DROPPED, STATES = (
-    slice(0, 2),
-    slice(0, 3),
-    3,
-    5,
-    -3,
-    -2,
-    -1,
-)  # in them
+XY, POSE, TORQUE, STALLS, STATES = slice(0, 2), slice(0, 3), 3, -3, -1  # in them
 VALUES = config.resolve('paper_circle')
 CENTER, RADIUS = VALUES['circle.center'], VALUES['circle.radius']
 PATIENT = [  # on a machine that is shared
@@ -44,7 +36,8 @@ PATIENT = [  # on a machine that is shared
 WAY = 0.03  # m, along which it is looked at how it tracks
 NEAR = 2e-4  # m, from the path
 RETURNED = 20  # messages of the bench, over which it is near again
-MOST = 10.0  # N m, of a way back
+MOST = 15.0  # N m, of a way back with other pauses in it
+RAMP = max(VALUES['safety.ramp_rate'])  # N m/s
 GAP = 'fault: no joint state came for too long'
 TOO_LATE = 'fault: joint states come too late'
 AGE = VALUES['safety.state_age']  # s
@@ -58,6 +51,7 @@ class Bus:
         self._launch, self.peer, self.period = launch, peer, period
         self.seen = peer.listen(BENCH)
         self.statuses = peer.listen(topics.STATUS, RECENT)
+        self.answered = peer.listen(topics.ANSWERED)
         self.figures = {}  # of the controller, as it told them last
         self.told = []  # what was wrong, and the figures, each second
         peer.node.create_subscription(DiagnosticArray, '/diagnostics', self._on_figures, 10)
@@ -89,24 +83,25 @@ class Bus:
         return self.peer.call(Trigger, name, Trigger.Request(), server).success
 
     def until_it_is_back(self):
-        """Clear the fault and wait until it tracks again; returns since which message."""
-        count = len(self.seen)
+        """Clear the fault and wait until it tracks again; returns since which messages."""
+        count, answers = len(self.seen), len(self.answered)
         self.peer.until(lambda: self.ask('controller/clear_fault', self.controller))
         self.peer.until(lambda: self.fault() == '')
         self.until_it_has_moved(count)
         self.peer.until(lambda: self.distance(-RETURNED) < NEAR)
-        return count
+        return answers
 
-    def step(self, first, last=None):
-        """Largest step of the torque from a sample to the next among messages [N m]."""
-        return max(one.data[STEP] for one in self.seen[first:last])
+    def step(self, first=0, last=None, ramp=0.0):
+        """Largest step of the torque from an answer to the next, among messages of them [N m].
 
-    def ramp(self):
-        """By how much a torque that is faded changes between two samples of the drives [N m].
-
-        In wall time two states may be answered between them.
+        Less a ramp [N m/s] over the time between their states. On a busy machine those are some
+        periods apart, and the way back goes on meanwhile: at 1.2 N m/ms after a pause of 0.34 s.
+        Drives that are held up themselves see several answers at once.
         """
-        return 2.0 * max(VALUES['safety.ramp_rate']) * self.period
+        parts = [np.array(one.data).reshape(-1, 6) for one in self.answered[first:last]]
+        rows = np.concatenate([each[each[:, 0] > 0] for each in parts])  # that answer a state
+        steps = np.abs(np.diff(rows[:, 3:].copy().view(np.float64), axis=0)).max(axis=1)
+        return (steps - ramp * 1e-9 * np.diff(rows[:, 0])).max()
 
     def told_of(self, answered):
         """What was wrong when it told for the first time of so many states."""
@@ -176,15 +171,15 @@ def test_drives_that_are_restarted_are_found_again(how, bus):
     robot.start_drives(trajectory_of(VALUES).first_pose, active=True)
     robot.start_nodes('period:=0.004', 'law:=s_fotsmc')
     robot.until_it_has_moved()
-    stopped = len(robot.seen)
+    stopped = len(robot.answered)
     assert robot.drives.end(how) in (0, -how)
     robot.peer.until(lambda: robot.fault() == GAP)
     count = len(robot.seen)
     robot.start_drives(robot.seen[-1].data[POSE], active=True)
     robot.peer.until(lambda: len(robot.seen) > count)
     assert robot.fault()
-    count = robot.until_it_is_back()
-    assert robot.step(count) < robot.ramp() + robot.step(0, stopped)
+    back = robot.until_it_is_back()
+    assert robot.step(back, ramp=RAMP) < robot.step(0, stopped)
     count = len(robot.seen)
     robot.until_it_has_moved(count)
     assert robot.distance(count) < NEAR and robot.fault() == ''
@@ -223,7 +218,11 @@ def test_commands_are_taken_as_an_effort_group_controller_takes_them(bus):
     ('special', 'nodes', 'told'),
     [
         ({'rates': {BROADCASTER: 300}}, (), 'come at 333.3 Hz, the period says 1000 Hz: give the'),
-        ({'rates': {EFFORT: 250}, 'asynchronous': True}, (), ''),
+        (
+            {'rates': {EFFORT: 250}, 'asynchronous': True},
+            (),
+            'change with 1 of 4 states, commands',
+        ),
         ({'interfaces': ['position']}, ('estimator.kind:=filter',), ''),
         ({'limits': {'effort': 0.2}, 'enforced': False}, (), ''),
     ],
@@ -237,8 +236,8 @@ def test_it_tracks_with_what_ros2_control_may_be_told(special, nodes, told, bus)
     count = len(robot.told)
     robot.peer.until(lambda: len(robot.told) > count)
     assert robot.distance() < NEAR and robot.fault() == ''
-    assert ('the period says' in robot.controller.stderr) == bool(told)
-    assert told in robot.controller.stderr
+    robot.peer.until(lambda: told in robot.controller.stderr)
+    assert ('the period says' in robot.controller.stderr) == ('the period says' in told)
 
 
 @pytest.mark.parametrize(
@@ -252,11 +251,11 @@ def test_states_that_are_dropped_or_late_are_told_and_throw_nobody(dropped, last
     robot.start_nodes('period:=0.002', 'law:=s_fotsmc', f'safety.state_age:={AGE}')
     robot.until_it_has_moved()
     stalls, count = robot.seen[-1].data[STALLS], len(robot.told)
+    first, begun = len(robot.seen), len(robot.answered)
     robot.peer.until(lambda: robot.seen[-1].data[STALLS] > stalls + len(lasts))
     robot.peer.until(lambda: len(robot.told) > count + 3)
     assert robot.fault() in ('', TOO_LATE)  # that if a burst takes 0.1 s
-    first = next(i for i, one in enumerate(robot.seen) if one.data[STALLS] > stalls)
-    assert robot.step(first) < robot.ramp() + robot.step(0, first)
+    assert robot.step(begun, ramp=RAMP) < robot.step(0, begun)
     assert robot.torque(first) < MOST
     assert robot.told_of(400).startswith('joint states: ')  # of the first second
     gaps = [float(re.search(r'gap (\S+) ms', each['missing'])[1]) for _, each in robot.told]
@@ -270,7 +269,7 @@ def test_a_component_that_errs_needs_three_commands_to_come_back(zeroes, bus):
     robot.start_drives(trajectory_of(VALUES).first_pose, active=True, zeroes=zeroes)
     robot.start_nodes('period:=0.002', 'law:=s_fotsmc')
     robot.until_it_has_moved()
-    stopped = len(robot.seen)
+    stopped = len(robot.answered)
     assert robot.ask('controller_manager/err', robot.drives)
     count = len(robot.seen)
     robot.peer.until(lambda: robot.fault() == GAP)
@@ -286,14 +285,14 @@ def test_a_component_that_errs_needs_three_commands_to_come_back(zeroes, bus):
     robot.peer.until(lambda: len(robot.seen) > count + 2)
     assert robot.torque(count + 1) == 0.0 and robot.fault() == GAP
     assert robot.switch(EFFORT, True)
-    count = robot.until_it_is_back()
-    assert robot.step(count) < robot.ramp() + robot.step(0, stopped)
+    back = robot.until_it_is_back()
+    assert robot.step(back, ramp=RAMP) < robot.step(0, stopped)
 
 
 @pytest.mark.parametrize(
     ('limits', 'told'),
     [
-        ({'effort': 0.5}, r': efforts of joint\d stay at -?0\.5 N m where -?\d\.\d+ is commanded'),
+        ({'effort': 0.5}, r': efforts of joint\d stay at -?0\.5 N m where -?[\d.]+ is commanded'),
         ({'velocity': 0.05}, ''),
     ],
 )

@@ -42,7 +42,7 @@ DRIVES = {  # the robot is heavier than the one that is assumed
     'true_robot.m2': 8.5,
 }
 SECOND = round(1.0 / (EVERY * PERIOD))  # messages of the bench
-XY, TORQUE, COMMAND, JOINTS = slice(0, 2), 3, 4, slice(6, 9)  # in each of them
+XY, TORQUE, COMMAND, JOINTS = slice(0, 2), 3, 4, slice(5, 8)  # in each of them
 CALM = 3.0  # N m; friction takes 0.5, the way back of some millimetres 2
 STILL = 1e-3  # m
 
