@@ -34,7 +34,7 @@ from parallel_robot_model.configuration.fields import (
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.registry import RobotModel, module_of, robot_of, robot_with
+from parallel_robot_model.robots.registry import RobotModel, robot_of
 from trajectory_gen import configuration as motion
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.shapes import shapes
@@ -138,12 +138,11 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         UnknownNameError: no such law.
         InputError: a value is wrong, or the theory of a law forbids its gains.
     """
-    loop = loop_of(values)
+    loop, nominal = loop_of(values), robot_of(values)
     with locating(values):
-        robot, laws = module_of(loop), available(loop.custom_laws)
-        groups = build_groups(values, [('robot', robot.Parameters), *declared(robot, laws)])
+        laws = available(loop.custom_laws)
+        groups = build_groups(values, declared(nominal.module, laws))
         guess = groups[ControllerParameters].guess or _first_pose(values)
-        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         return control_from(loop, groups, nominal, laws, guess, lambda: trajectory_of(values))
 
 

@@ -34,7 +34,7 @@ from parallel_robot_model.robots.joint_load import (
     JointLoad,
     check_friction,
 )
-from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
+from parallel_robot_model.robots.registry import RobotModel, robot_of, robot_with
 from parallel_robot_model.robots.robot_checks import refuse_mistakes
 from parallel_robot_sim.drive_step import with_steps
 from parallel_robot_sim.hazards import Patience, table_of
@@ -101,9 +101,9 @@ def configure(values: Mapping[str, Any]) -> Configuration:
     Raises:
         InputError: a value is wrong, even one that is not used.
     """
-    loop = loop_of(values)
+    loop, nominal = loop_of(values), robot_of(values)
     with locating(values):
-        robot, laws = module_of(loop), control.available(loop.custom_laws)
+        robot, laws = nominal.module, control.available(loop.custom_laws)
         known = shapes(loop.custom_trajectories)
         groups = build_groups(
             values,
@@ -114,7 +114,6 @@ def configure(values: Mapping[str, Any]) -> Configuration:
                 *DECLARED,
             ],
         )
-        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
         start = groups[PlantParameters].initial_pose
         motion.check_columns(values, nominal)
         trajectory = motion.trajectory_from(groups, nominal, known, start)
@@ -131,9 +130,8 @@ def configure_plant(values: Mapping[str, Any]) -> PlantConfiguration:
     Raises:
         InputError: a value is wrong.
     """
-    loop = loop_of(values)
+    loop, robot = loop_of(values), robot_of(values, 'true_robot').module
     with locating(values):
-        robot = module_of(loop)
         return _plant_from(loop, robot, build_groups(values, declared(robot)), values)
 
 

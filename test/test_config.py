@@ -19,7 +19,9 @@ from parallel_robot_model.messages import topics
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.registry import robot_of
+from parallel_robot_sim.configuration import configure, configure_plant
 from parallel_robot_sim.plant import PlantParameters
+from trajectory_gen.configuration import motions_of
 from trajectory_gen.shapes import SHAPES
 from trajectory_gen.trajectory import TrajectoryParameters
 
@@ -287,3 +289,13 @@ def test_a_link_is_attached_as_what_it_leads_to(tmp_path):
     (tmp_path / 'id_rsa').touch()
     with pytest.raises(InputError, match=r'id_rsa is no \.py file'):
         trust.attachment('custom_laws', str(tmp_path / 'id_rsa'))
+
+
+@pytest.mark.parametrize('names', [['a', 'b'], ['a', 'b', 'c', 'd']])
+@pytest.mark.parametrize(
+    'build', [configuration.configure, configure_plant, motions_of, configure]
+)
+def test_joints_of_another_number_are_told_before_the_lists_that_have_one_for_each(build, names):
+    values = config.resolve('paper_circle', {'joints': names})
+    with pytest.raises(InputError, match=r'^joints must be 3 names, one for each joint'):
+        build(values)

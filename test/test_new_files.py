@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from parallel_robot.bags import output
-from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.errors import BagError, InputError
 
 OURS, THEIRS = b'ours', b'theirs'
 
@@ -116,3 +116,10 @@ def test_a_folder_in_which_somebody_else_writes_meanwhile_stays(tmp_path):
     with pytest.raises(InputError, match='File exists'):
         overtaken(tmp_path / 'a' / 'b' / 'out', OURS)
     assert tree(tmp_path) == {'a': None, 'a/b': None, 'a/b/out': THEIRS}
+
+
+def test_what_is_refused_is_named_as_it_was_given(tmp_path):
+    with pytest.raises(InputError, match='choose another --json'):
+        output.check_new(tmp_path, '--json')
+    with pytest.raises(BagError, match=r'choose another recorder\.out'):
+        output.check_directory(tmp_path, 'recorder.out')

@@ -18,7 +18,7 @@ from parallel_robot_model.configuration.loop import DURATION, loop_of
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.registry import RobotModel, module_of, robot_with
+from parallel_robot_model.robots.registry import RobotModel, robot_of
 from trajectory_gen import hold, waypoints
 from trajectory_gen.joint_path import as_poses
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
@@ -104,11 +104,10 @@ def motions_of(values: Mapping[str, Any]) -> Motions:
     Raises:
         InputError: a value is wrong.
     """
-    loop = loop_of(values)
+    loop, nominal = loop_of(values), robot_of(values)
     with locating(values):
-        robot, known = module_of(loop), shapes(loop.custom_trajectories)
-        groups = build_groups(values, [('robot', robot.Parameters), *declared(robot, known)])
-        nominal = robot_with(robot, loop, groups.at('robot', robot.Parameters))
+        known = shapes(loop.custom_trajectories)
+        groups = build_groups(values, declared(nominal.module, known))
         check_columns(values, nominal)
         return Motions(nominal, known, groups, values.get(INITIAL, ()))
 

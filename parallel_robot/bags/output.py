@@ -189,8 +189,8 @@ def create_directory(directory: str | Path) -> Path:
     return directory
 
 
-def check_directory(directory: str | Path) -> None:
-    """Refuse a directory that exists or cannot be made, without leaving a trace.
+def check_directory(directory: str | Path, option: str = '--out') -> None:
+    """Refuse a directory that exists or cannot be made; the message names the option.
 
     Raises:
         BagError: with the reason.
@@ -198,7 +198,7 @@ def check_directory(directory: str | Path) -> None:
     directory = Path(directory)
     try:
         if directory.exists():
-            raise BagError(f'{directory} exists; nothing is overwritten, choose another --out')
+            raise BagError(f'{directory} exists; nothing is overwritten, choose another {option}')
         _check_place(directory)
     except OSError as error:
         raise BagError(f'cannot write to {directory}: {error.strerror}') from None

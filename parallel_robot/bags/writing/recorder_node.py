@@ -43,7 +43,7 @@ class RecorderNode(SuiteNode):
         self.declare_groups(('recorder', RecorderParameters))
         wanted = group(self.values, RecorderParameters, 'recorder')
         directory = Path(wanted.out or time.strftime('recording_%Y%m%d_%H%M%S'))
-        output.check_directory(directory)
+        output.check_directory(directory, 'recorder.out')
         choosing = bool(wanted.topics or wanted.regex or wanted.all)
         placed = robot_of(self.values).place > 0
         suite = () if choosing else topics.recorded(placed)
