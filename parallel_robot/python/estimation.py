@@ -156,6 +156,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
+    torque_constant: Iterable[float] = (),
     **options: Any,
 ) -> Identification: ...
 @overload
@@ -180,6 +181,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
+    torque_constant: Iterable[float] = (),
     design: Place | None = None,
     trials: int | None = None,
     seed: int | None = None,
@@ -196,7 +198,7 @@ def identify(
     4.0
 
     Args:
-        bag: Directory of the bag, or its MCAP file.
+        bag: Directory of the bag, its MCAP file, or a table of joints, CSV or Parquet.
         validate: Another bag of the same robot, whose torques are predicted.
         rest: Whether only the noise of the sensors is asked for, of a robot that rests.
         out: YAML file of the robot, for ``param_file``, which must not exist; default: none.
@@ -205,6 +207,8 @@ def identify(
         bounds: What is known of the robot, e.g. ``{'mass': (25, 35)}``.
         hold_out: Share of the time, at the end, on which a fit to what is before it is judged;
             default: a third.
+        torque_constant: Of the motors, the gear ratio in it [N m/A], where a table has currents:
+            one number, or one for each joint.
         design: Scenario with an exciting motion of which better coefficients are searched for: in
             place of a bag.
         trials: Number of motions to try for it; default: 2500.
@@ -236,6 +240,7 @@ def identify(
         'cutoff': cutoff,
         'bounds': bounds,
         'hold-out': hold_out,
+        'torque-constant': torque_constant,
         'trials': trials,
         'seed': seed,
         'set': values,
@@ -255,6 +260,7 @@ def identify(
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == bag_identification.REST:
         return bag_identification.at_rest(place, view)
+    view = view._replace(torque_constant=tuple(torque_constant))
     share = bag_identification.HOLD_OUT if hold_out is None else hold_out
     found = bag_identification.identify(place, second, cutoff, view, bounds, share)
     found.write(robot, picture)

@@ -48,7 +48,7 @@ class Table(NamedTuple):
     names: tuple[str, ...]
 
 
-class _Lines(NamedTuple):
+class Lines(NamedTuple):
     """Lines of a table."""
 
     number: int  # number of its first line
@@ -76,7 +76,7 @@ def read_table(path: Path, columns: Sequence[str] = (), units: Sequence[str] = (
     scales = _scales(units)
     table: list[list[float]] = []
     try:
-        lines = _lines(path)
+        lines = read_lines(path)
         names, places = _chosen(path, lines, columns)
         count = len(lines.header)
         for number, row in lines.rows:
@@ -99,7 +99,12 @@ def read_table(path: Path, columns: Sequence[str] = (), units: Sequence[str] = (
     return Table(numbers[:, 0], numbers[:, 1:], names[1:])
 
 
-def _lines(path: Path) -> _Lines:
+def read_lines(path: Path) -> Lines:
+    """The lines of a table without those that are empty or begin with #.
+
+    Raises:
+        InputError: it cannot be read, or is empty.
+    """
     text = yaml_file.text(path, MAX_BYTES)
     numbered = ((k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip())
     used = ((k, line) for k, line in numbered if not line.lstrip().startswith('#'))
@@ -118,14 +123,12 @@ def _lines(path: Path) -> _Lines:
 
     header = cells(first)
     rows: Iterator[tuple[int, list[str]]] = ((k, cells(line)) for k, line in used)
-    if header and all(_read(cell, comma) is not None for cell in header):
+    if header and all(read_number(cell, comma) is not None for cell in header):
         rows = itertools.chain([(number, header)], rows)
-    return _Lines(number, header, rows, comma)
+    return Lines(number, header, rows, comma)
 
 
-def _chosen(
-    path: Path, lines: _Lines, columns: Sequence[str]
-) -> tuple[tuple[str, ...], list[int]]:
+def _chosen(path: Path, lines: Lines, columns: Sequence[str]) -> tuple[tuple[str, ...], list[int]]:
     """Names of time and coordinates, and where in a line they stand."""
     header = lines.header
     shown = printable(', '.join(header), SHOWN)
@@ -222,7 +225,7 @@ def _scales(units: Sequence[str]) -> dict[str, float]:
     return dict.fromkeys(KINDS, 1.0) | scales
 
 
-def _read(text: str, comma: bool) -> float | None:
+def read_number(text: str, comma: bool) -> float | None:
     """A number, also one that is not finite; None if it is none."""
     try:
         return float(text.replace(',', '.') if comma else text)
@@ -232,7 +235,7 @@ def _read(text: str, comma: bool) -> float | None:
 
 def _number(where: str, text: str, comma: bool) -> float:
     """A finite number."""
-    value = _read(text, comma)
+    value = read_number(text, comma)
     if value is None or not math.isfinite(value) or '_' in text:
         shown = printable(text.strip(), yaml_file.STRING)
         raise InputError(f'{where}: {shown!r} is not a finite number')

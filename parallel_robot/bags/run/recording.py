@@ -25,7 +25,7 @@ from parallel_robot.bags.messages.message_arrays import (
     Span,
     whole,
 )
-from parallel_robot.bags.run import run_log, run_messages
+from parallel_robot.bags.run import joint_table, run_log, run_messages
 from parallel_robot.bags.run.aligned_run import aligned
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import BagError, WholeNeededError
@@ -232,8 +232,12 @@ class _Source:
         self._status = status_decoder(bag)
         self._told: list[tuple[int, ControllerStatus]] = []
         self._names: dict[str, Topic] = {}  # of the index; in a broken bag, data may differ
-        self._reader = self._indexed() if indexed else None
-        if self._reader is None:
+        self._table = joint_table.is_table(bag)
+        self._reader = self._indexed() if indexed and not self._table else None
+        if self._table:
+            self.found = joint_table.read(bag, view)
+            self._names = self._meant(self.found.channels)
+        elif self._reader is None:
             self.found = bag_reader.read(bag, RECORDED, self._condense, memory, view)
             self._names = self._meant(self.found.channels)
         else:
@@ -253,7 +257,8 @@ class _Source:
         log = aligned(self._bag, self.found, known, self._settings, self._view, span)
         log = without_absent_topics(log, absent)
         there = {topic: parts for topic, parts in known.items() if topic not in absent}
-        lacking = [run_messages.wanted(self._bag, topic, there, self.found) for topic in absent]
+        missing = () if self._table else absent  # of a table, nobody wants them
+        lacking = [run_messages.wanted(self._bag, topic, there, self.found) for topic in missing]
         left = [
             f'{self._bag}: {each.number} messages on {topic.name} are not understood: '
             f'{each.reason}; they are left out'

@@ -15,6 +15,7 @@ from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_arrays import Samples, ours, physical, strange, whole
 from parallel_robot.bags.run import matching
+from parallel_robot.bags.run.joint_table import is_table
 from parallel_robot.bags.run.matching import Answers
 from parallel_robot_model.common.errors import BagError, printable
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits, beyond_a_turn
@@ -269,8 +270,10 @@ def of(
         states = _alone(bag, states, warnings, units)
     if 'velocity' not in states.numbers:
         states.numbers['velocity'] = np.full_like(states.numbers['position'], np.nan)
-        warnings.append(f'{bag}: the messages on {topics.JOINT_STATES.name} have no velocities')
-    if 'effort' not in states.numbers:
+        if not is_table(bag):
+            what = f'the messages on {topics.JOINT_STATES.name} have no velocities'
+            warnings.append(f'{bag}: {what}')
+    if 'effort' not in states.numbers and not is_table(bag):
         what = f'the messages on {topics.JOINT_STATES.name} have no efforts'
         warnings.append(f'{bag}: {what}: torques are those commanded')
     recorded = matching.recorded_answers(streams.get(topics.ANSWERED, []), commands)

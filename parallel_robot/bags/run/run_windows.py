@@ -13,7 +13,7 @@ import numpy as np
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
-from parallel_robot.bags.run import matching, recording, run_log
+from parallel_robot.bags.run import joint_table, matching, recording, run_log
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import EMPTY, RunLog
@@ -41,6 +41,8 @@ class RunWindows:
         """
         self._bag, self._view = bag, view
         self._whole: Recording | None = None
+        if joint_table.is_table(bag):  # is read at once, and once
+            self._whole = recording.read(bag, motion_only=True, view=view)
         # log: the run without its states; history: what happened beside the motion;
         # period: time between two states [s]; 0 where there are no two
         self.log, self.history, self.period = self._evaluated(_begun)

@@ -5,17 +5,25 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from parallel_robot.bags.run import joint_table
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import add_bag_arguments, add_format_argument, bag_view, show, warn
 from parallel_robot.studies.identification import bag_identification, design
 from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.options import number
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the command."""
-    parser.add_argument('bag', type=Path, nargs='?', help='bag with a motion that excites')
+    parser.add_argument(
+        'bag',
+        type=Path,
+        nargs='?',
+        help='bag with a motion that excites, or a table of it, .csv or .parquet, with a '
+        f'header as {joint_table.EXAMPLE}',
+    )
     parser.add_argument(
         '--rest',
         action='store_true',
@@ -64,6 +72,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='all parameters and their intervals',
     )
     parser.add_argument(
+        '--torque-constant',
+        type=_constants,
+        metavar='A,B,C',
+        help='of a table with currents, i1 [A] ..., in place of torques: one for all joints, or '
+        'one for each [N m/A], the gear ratio in it',
+    )
+    parser.add_argument(
         '--design',
         metavar='SCENARIO',
         help='no bag: search for the coefficients of its exciting trajectory, write them to --out',
@@ -82,6 +97,7 @@ def execute(arguments: argparse.Namespace) -> int:
         'param-file': arguments.param_files,
         'topic': arguments.topics,
         'hold-out': arguments.hold_out,
+        'torque-constant': arguments.torque_constant,
         'from': arguments.start,
         'to': arguments.stop,
     }
@@ -90,6 +106,7 @@ def execute(arguments: argparse.Namespace) -> int:
         return _design(arguments)
     bag = arguments.bag
     view = bag_view(arguments, simulate.given(arguments))
+    view = view._replace(torque_constant=arguments.torque_constant or ())
     if mode == bag_identification.REST:
         still = bag_identification.at_rest(bag, view)
         show(arguments.format, still.parts(), {'rest': still.as_data()})
@@ -107,6 +124,11 @@ def execute(arguments: argparse.Namespace) -> int:
     parts = found.all_parts() if arguments.all else found.parts()
     show(arguments.format, parts, found.as_data(), written)
     return 0
+
+
+def _constants(text: str) -> tuple[float, ...]:
+    """Numbers with commas between them."""
+    return tuple(map(number, text.split(',')))
 
 
 def _design(arguments: argparse.Namespace) -> int:

@@ -15,6 +15,7 @@ import numpy as np
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags import output
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
@@ -142,7 +143,7 @@ def identify(
     """Identify the robot of a bag.
 
     Args:
-        bag: Directory of the bag, or its MCAP file.
+        bag: Directory of the bag, its MCAP file, or a table of joints, CSV or Parquet.
         validate: Another bag of the same robot, whose torques are predicted, or FROM:TO [s]: that
             part of the bag, of which `view` leaves another part.
         cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
@@ -231,7 +232,11 @@ class _LookedThrough(NamedTuple):
 
 def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
     """Look through a bag once."""
+    if view.torque_constant and not joint_table.is_table(bag):
+        raise InputError(f'--torque-constant is for currents in a table, not for the bag {bag}')
     run = RunWindows(bag, view)
+    if joint_table.is_table(bag) and not run.log.has_efforts:
+        raise BagError(f'{bag}: {joint_table.NO_TORQUES}')
     config = run.log.config
     limit = np.array(group(config, PlantParameters, 'plant').torque_limit)
 
@@ -316,7 +321,7 @@ def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
 # What identifying is asked for: a robot, only the noise at rest, or an exciting motion.
 
 ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
-OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out')
+OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out', 'torque-constant')
 OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'from', 'to')
 
 
