@@ -25,6 +25,8 @@ from parallel_robot_model.robots.registry import units_of
 PARQUET = '.parquet'
 SUFFIXES = ('.csv', '.txt', '.tsv', '.dat', PARQUET)
 TIME, POSITION, VELOCITY, EFFORT, CURRENT = 't', 'q', 'dq', 'tau', 'i'
+ALWAYS = TIME, POSITION, VELOCITY
+PERIOD = 'period'  # key of the configuration
 WORDS = {each: each for each in (POSITION, VELOCITY, EFFORT, CURRENT)} | {
     'position': POSITION, 'velocity': VELOCITY, 'effort': EFFORT, 'torque': EFFORT,
     'current': CURRENT,
@@ -47,7 +49,7 @@ NO_TORQUES = (
     '[N m/A], the gear ratio in it'
 )
 EMPTY = ('', 'nan', 'na', 'null', 'none')
-SLOW = 0.5  # s from row to row, which is hardly the period of a log
+UNTOLD = 'no unit'
 LATEST = 2**62 / NANOSECONDS  # s, about what stamps can hold
 SHOWN = 120  # characters of names
 
@@ -57,7 +59,7 @@ class _Column(NamedTuple):
 
     place: int
     size: float  # of its unit
-    told: bool  # whether the file names that
+    told: bool  # whether the file tells that
 
 
 _Columns = dict[tuple[str, int], _Column]  # by what they are, and of which joint
@@ -83,7 +85,7 @@ def read(path: Path, view: BagView) -> Bag[list[Samples]]:
 
     Args:
         path: The file. Its header is such as EXAMPLE, with numbers of the joints or their names,
-            or what ``export`` writes.
+            or what ``export`` writes. One without times has rows at the period of the view.
         view: Of which robot it is, and the torque constants of its motors.
 
     Raises:
@@ -92,45 +94,41 @@ def read(path: Path, view: BagView) -> Bag[list[Samples]]:
     values, loop, _ = experiment.configuration(path, {}, {}, view)
     joints, constant = loop.joints, np.array(view.torque_constant)
     file = (_parquet if path.suffix.lower() == PARQUET else _text)(path)
-    columns = _columns(file, joints, units_of(values))
-    kinds = {kind for kind, _ in columns}
-    if constant.size and CURRENT not in kinds:
+    columns = _columns(file, joints, units_of(values), PERIOD in view.values)
+    if constant.size and (CURRENT, 0) not in columns:
         raise InputError(f'{path}: --torque-constant needs currents, columns as i1 [A]')
     if constant.size not in (0, 1, len(joints)) or 0.0 in constant:
         what = f'one number but 0, or one for each of {len(joints)} joints'
         raise InputError(f'--torque-constant must be {what}, not {constant.tolist()}')
     motor = CURRENT if constant.size else EFFORT
-    used = {
-        which: columns[which] for which in columns if which[0] in (TIME, POSITION, motor, VELOCITY)
-    }
+    used = {which: columns[which] for which in sorted(columns) if which[0] in (*ALWAYS, motor)}
     numbers, rows = file.numbers([each.place for each in used.values()])
-    of = {
-        which: each.size * row for (which, each), row in zip(used.items(), numbers.T, strict=True)
-    }
-    arrays = {
-        kind: np.column_stack([of[kind, k] for k in range(len(joints))])
-        for kind in kinds & {POSITION, motor, VELOCITY}
-    }
-    needed = [of[TIME, 0][:, np.newaxis], arrays[POSITION]]
-    if motor in kinds and np.isfinite(arrays[motor]).any():
-        needed.append(arrays[motor])
-    whole = np.isfinite(np.hstack(needed)).all(axis=1)
-    same = np.append(False, (np.diff(numbers, axis=0) == 0.0).all(axis=1))
-    kept = np.flatnonzero(whole & ~same)
+    numbers = numbers * [each.size for each in used.values()]
+    of = np.array([kind for kind, _ in used])
+    time, position, effort, velocity = (
+        numbers[:, of == kind] for kind in (TIME, POSITION, motor, VELOCITY)
+    )
+    if not time.size:
+        time = loop.period * np.arange(float(len(numbers)))[:, np.newaxis]
+    if not np.isfinite(effort).any():  # a column for torques that were not measured
+        effort = effort[:, :0]
+    needed = np.hstack([time, position, effort])
+    whole = np.asarray(np.isfinite(needed).all(axis=1))
+    new = np.append([True], (np.diff(needed, axis=0) != 0.0).any(axis=1))
+    kept = np.flatnonzero(whole & new)
     if len(kept) < 2:
-        what = f'in each column of t, {POSITION}{f" and {motor}" if len(needed) > 2 else ""}'
-        raise InputError(f'{path}: fewer than two {file.row}s have a number {what}')
-    stamps = _stamps(file, of[TIME, 0][kept], np.asarray(rows)[kept])
-    fields, told = {'position': arrays[POSITION][kept]}, []
-    if len(needed) > 2:
-        fields['effort'] = arrays[motor][kept] * (constant if constant.size else 1.0)
-    if VELOCITY in kinds and np.isfinite(arrays[VELOCITY][kept]).all():
-        fields['velocity'] = arrays[VELOCITY][kept]
-        told.append('velocities tell the noise at rest alone, slopes of positions all the rest')
+        shown = printable(', '.join(file.header[each.place] for each in used.values()), SHOWN)
+        raise InputError(f'{path}: fewer than two {file.row}s have numbers: {shown}')
+    stamps = _stamps(file, time[kept, 0], np.asarray(rows)[kept])
+    fields, told = {'position': position[kept]}, []
+    if effort.size:
+        fields['effort'] = effort[kept] * (constant if constant.size else 1.0)
+    if velocity.size and np.isfinite(velocity[kept]).all():
+        fields['velocity'] = velocity[kept]
     if not whole.all():
         lacking = f'{(~whole).sum()} of {len(whole)} {file.row}s lack a number'
         told.append(f'{lacking}: they are left out, like states that were lost')
-    told += _doubts(file, used, stamps)
+    told += _doubts(file, used)
     name = f'{view.namespace or ""}/{JOINT_STATES.name}'
     return Bag(
         {name: [[Samples(joints, stamps, stamps, fields)]]},
@@ -200,8 +198,8 @@ def _parquet(path: Path) -> _File:
     return _File(path, header, 'row', numbers)
 
 
-def _columns(file: _File, joints: Sequence[str], units: JointUnits) -> _Columns:
-    """The columns of times and joints; others are left out.
+def _columns(file: _File, joints: Sequence[str], units: JointUnits, regular: bool) -> _Columns:
+    """The columns of times, where rows are not `regular`, and of joints; others are left out.
 
     Raises:
         InputError: they are not those of the robot.
@@ -226,10 +224,13 @@ def _columns(file: _File, joints: Sequence[str], units: JointUnits) -> _Columns:
             what = 'a time' if kind == TIME else f'{kind} of a {"slide" if slides else "hinge"}'
             raise InputError(f'{where}: the unit of {what} must be one of {", ".join(known)}')
         found[kind, joint] = _Column(place, size or 1.0, unit is not None)
-    if (TIME, 0) not in found or not any(kind == POSITION for kind, _ in found):
+    if not any(kind == POSITION for kind, _ in found):
         shown = printable(', '.join(file.header), SHOWN)
         what = f'the header must be such as {EXAMPLE}, or with {joints[0]} for 1, not {shown!r}'
         raise InputError(f'{file.path}: {what}')
+    if (TIME, 0) not in found and not regular:
+        what = 'a column of times as t [s], or --set period=S, the time from row to row,'
+        raise InputError(f'{file.path}: {what} is needed')
     for kind in {kind for kind, _ in found} - {TIME}:
         lacking = [name for k, name in enumerate(joints) if (kind, k) not in found]
         if lacking:
@@ -277,26 +278,24 @@ def _stamps(file: _File, time: Array, rows: NDArray[np.int64]) -> NDArray[np.int
     Raises:
         InputError: they do not increase, or no stamp holds them.
     """
+    if not np.abs(time[[0, -1]]).max() < LATEST:
+        raise InputError(f'{file.path}: t reaches {time[-1]:.4g} s; if that is ns, write t [ns]')
     early = np.flatnonzero(np.diff(time) <= 0.0)
     if early.size:
         k = int(early[0]) + 1
         what = f't = {time[k]:.15g} is not after {time[k - 1]:.15g}; times must increase'
         raise InputError(f'{file.path}, {file.row} {rows[k]}: {what}')
-    if not np.abs(time[[0, -1]]).max() < LATEST:
-        raise InputError(f'{file.path}: t reaches {time[-1]:.4g} s; if that is ns, write t [ns]')
     first = max(1, round(time[0] * NANOSECONDS))
     return first + np.rint((time - time[0]) * NANOSECONDS).astype(np.int64)
 
 
-def _doubts(file: _File, used: _Columns, stamps: NDArray[np.int64]) -> Iterator[str]:
+def _doubts(file: _File, used: _Columns) -> Iterator[str]:
     """What was taken of a table that it does not say, and what was not used, one line each."""
     silent = [file.header[each.place] for each in used.values() if not each.told]
     if silent:
         shown = printable(', '.join(silent), SHOWN)
-        yield f'no unit of {shown}: s, rad, N m, of slides m and N; q1 [deg] says another'
-    step = float(np.median(np.diff(stamps))) / NANOSECONDS
-    if step > SLOW:
-        yield f'{step:g} s from {file.row} to {file.row}; if t is in another unit, write t [ms]'
+        taken = 's, rad, N m and A, of slides m and N; a header as q1 [deg], t [ms] says another'
+        yield f'{UNTOLD} of {shown}: taken to be {taken}'
     places = {each.place for each in used.values()}
     others = [name for place, name in enumerate(file.header) if place not in places]
     if others:

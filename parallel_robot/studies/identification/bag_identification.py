@@ -177,7 +177,8 @@ def identify(
     warnings += first.warnings
     if cutoff is None:
         cutoff = min(CUTOFF, highest_cutoff(first.motion))
-    with _naming(bag, first.log.joints_differ.text):
+    unsure = first.log.joints_differ.text or _untold(first.log)
+    with _naming(bag, unsure):
         found = identified.identify(nominal, first.motion, cutoff, bounds, hold_out)
     if found.left.doubt:
         warnings.append(f'{bag}: {found.left.doubt}')
@@ -187,7 +188,7 @@ def identify(
         with _naming(validate):
             guess = identified.nominal_of(second.log).guess
             checked = identified.predict(found, second.motion, guess, cutoff)
-    with _naming(validate or bag):
+    with _naming(validate or bag, _untold(first.log)):
         unseen = checked if second else found.held_out or checked
         doubt = identified.judge(found, unseen, first.log.joints)
     warnings += [f'{validate or bag}: {doubt}'] if doubt else []
@@ -252,12 +253,14 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
                 stretch.add(log)
                 yield log
 
-        with _naming(bag):
+        with _naming(bag, _untold(run.log)):
             motion = RunMotion(seen(), run.period, run.history.statuses, limit, known(config))
         warnings = [
             line if line.startswith(str(bag)) else f'{bag}: not used: {line}'
             for line in (*told.lines, *motion.left_out)
         ]
+        if joint_table.is_table(bag) and run.log.has_velocities:
+            warnings.append(f'{bag}: not used: velocities, but for the noise at rest')
         return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
 
     return run.evaluated(look)
@@ -305,6 +308,12 @@ def bounds_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
             raise InputError(f'--bounds takes NAME=LOW:HIGH, not {word!r}')
         found[name] = ends
     return found
+
+
+def _untold(log: RunLog) -> str:
+    """Which units a table does not tell, in words; empty where it tells all, and of a bag."""
+    lines = (line.partition(': ')[2] for line in log.warnings if joint_table.UNTOLD in line)
+    return next(lines, '')
 
 
 @contextlib.contextmanager
