@@ -136,8 +136,29 @@ def test_parts_of_a_table_and_another_one(told, columns, tmp_path):
     (tmp_path / 'y.csv').write_text((tmp_path / 'x.csv').read_text())
     code, _, found = told(HEADER, columns, '--validate', 'y.csv')
     assert code == 0 and found['torque_error_rms_nm']
-    with pytest.raises(pr.InputError, match='--torque-constant'):
-        pr.identify('x.csv', scenario=SCENARIO, torque_constant=[1.0])
+
+
+def test_torque_constants_of_python(told, columns):
+    time, position, effort = columns
+    told('t [s],q1 [rad],q2 [rad],i1 [A],i2 [mA]', [time, position, effort * [-0.5, -500.0]])
+    found = pr.identify('x.csv', scenario=SCENARIO, torque_constant=-2.0)
+    assert found.found.fit.values[:4] == pytest.approx(TRUE, rel=1e-3)
+    for wrong, line in (('x', 'torque_constant must be numbers'), ([2, 0], 'finite number but 0')):
+        with pytest.raises(pr.InputError, match=line):
+            pr.identify('x.csv', scenario=SCENARIO, torque_constant=wrong)
+
+
+def test_parquet_with_dates(columns, tmp_path):
+    time, position, effort = columns
+    stamps = (1.7e18 + 1e9 * time).astype('datetime64[ns]')
+    table = {'t': stamps, 'q1': position[:, 0], 'q2': position[:, 1]}
+    table |= {'tau1': effort[:, 0], 'tau2': effort[:, 1]}
+    pyarrow = pytest.importorskip('pyarrow')
+    pytest.importorskip('pyarrow.parquet').write_table(
+        pyarrow.table(table), tmp_path / 'x.parquet'
+    )
+    found = pr.identify(tmp_path / 'x.parquet', scenario=SCENARIO)
+    assert found.found.fit.values[:4] == pytest.approx(TRUE, rel=1e-3)
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,22 @@ def optional(what: str, given: Any) -> Path | None:
     return None if given is None else path(what, given)
 
 
+def numbers(what: str, given: Any) -> tuple[float, ...]:
+    """One number, or several.
+
+    Args:
+        what: What they are, for the error.
+        given: What was given.
+
+    Raises:
+        InputError: it is something else.
+    """
+    try:
+        return tuple(map(float, given if isinstance(given, Iterable) else [given]))
+    except (TypeError, ValueError):
+        raise InputError(f'{what} must be numbers, not {given!r}') from None
+
+
 def bags(given: Any) -> list[Path]:
     """Paths of bags, one or several.
 

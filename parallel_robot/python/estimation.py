@@ -156,7 +156,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
-    torque_constant: Iterable[float] = (),
+    torque_constant: float | Iterable[float] = (),
     **options: Any,
 ) -> Identification: ...
 @overload
@@ -181,7 +181,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
-    torque_constant: Iterable[float] = (),
+    torque_constant: float | Iterable[float] = (),
     design: Place | None = None,
     trials: int | None = None,
     seed: int | None = None,
@@ -260,7 +260,7 @@ def identify(
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == bag_identification.REST:
         return bag_identification.at_rest(place, view)
-    view = view._replace(torque_constant=tuple(torque_constant))
+    view = view._replace(torque_constant=arguments.numbers('torque_constant', torque_constant))
     share = bag_identification.HOLD_OUT if hold_out is None else hold_out
     found = bag_identification.identify(place, second, cutoff, view, bounds, share)
     found.write(robot, picture)

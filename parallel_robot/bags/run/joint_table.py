@@ -97,8 +97,9 @@ def read(path: Path, view: BagView) -> Bag[list[Samples]]:
     columns = _columns(file, joints, units_of(values), PERIOD in view.values)
     if constant.size and (CURRENT, 0) not in columns:
         raise InputError(f'{path}: --torque-constant needs currents, columns as i1 [A]')
-    if constant.size not in (0, 1, len(joints)) or 0.0 in constant:
-        what = f'one number but 0, or one for each of {len(joints)} joints'
+    usable = np.isfinite(constant).all() and constant.all()
+    if constant.size not in (0, 1, len(joints)) or not usable:
+        what = f'one finite number but 0, or one for each of {len(joints)} joints'
         raise InputError(f'--torque-constant must be {what}, not {constant.tolist()}')
     motor = CURRENT if constant.size else EFFORT
     used = {which: columns[which] for which in sorted(columns) if which[0] in (*ALWAYS, motor)}
