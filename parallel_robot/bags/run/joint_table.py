@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import math
 import re
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -150,7 +151,7 @@ def _text(path: Path) -> _File:
         header = SPACED.findall(' '.join(header))
 
     def numbers(places: Sequence[int]) -> tuple[Array, Sequence[int]]:
-        found, rows = [], []
+        found, rows = array('d'), array('q')
         try:
             for row, cells in lines.rows:
                 if len(cells) != len(header):
@@ -165,7 +166,7 @@ def _text(path: Path) -> _File:
                 rows.append(row)
         except csv.Error as error:
             raise InputError(f'{path}: {error}') from None
-        return np.reshape(found, (-1, len(places))), rows
+        return np.reshape(np.array(found), (-1, len(places))), rows
 
     return _File(path, header, 'line', numbers)
 
