@@ -18,6 +18,7 @@ MACHINES = directory() / 'machines'
 EXPECTED = {
     'arm6': (6, 6, 0, 0, 36.45),
     'delta': (24, 3, 15, 6, 3 * 1.2 + 6 * 0.141 + 1.6),
+    'delta_rl5': (27, 3, 18, 6, 3 * 3.696 + 6 * 0.525 + 4.4664 + 9.65 + 12.481 + 6),
     'five_bar': (4, 2, 2, 0, 0.37),
     'hexapod': (21, 6, 15, 0, 6 * (92.1107 + 51.8123) + 1216.93),
     'planar_3rrr_described': (7, 3, 4, 0, 41.37),
@@ -207,16 +208,32 @@ def says_the_same(machine, values):
     assert machine.limit.tolist() == list(values['plant.torque_limit'])
 
 
-def test_the_delta_has_the_dimensions_of_its_source():
-    # Williams (2016): a rod keeps its length, s . v = s . (rate of the elbow).
-    place, twist = Machine('delta').tool()
-    reach = 0.164 + 0.524 - 0.044
-    assert place == pytest.approx([0, 0, -math.sqrt(1.244**2 - reach**2)], abs=1e-12)
+@pytest.mark.parametrize(
+    ('name', 'base', 'arm', 'rod', 'platform', 'tool'),
+    [
+        ('delta', 0.164, 0.524, 1.244, 0.044, (0.0, 0.0)),  # Williams (2016)
+        ('delta_rl5', 0.33, 0.42, 1.055, 0.125, (0.0632, -0.267)),  # Alikoc et al. (2023)
+    ],
+)
+def test_a_delta_has_the_dimensions_of_its_source(name, base, arm, rod, platform, tool):
+    # A rod keeps its length, s . v = s . (rate of the elbow).
+    place, twist = Machine(name).tool()
+    reach = base + arm - platform
+    height = -math.sqrt(rod**2 - reach**2)
+    assert place == pytest.approx([tool[0], 0, height + tool[1]], abs=1e-12)
     assert np.abs(twist[3:]).max() < 1e-9  # the platform keeps its direction
     for k in range(3):
-        rod = turned(k * 2 * math.pi / 3, -reach, 0.0, place[2])
-        down = np.array([0.0, 0.0, -0.524])
-        assert rod @ twist[:3] == pytest.approx(rod @ down * np.eye(3)[k], abs=1e-9)
+        along = turned(k * 2 * math.pi / 3, -reach, 0.0, height)
+        down = np.array([0.0, 0.0, -arm])
+        assert along @ twist[:3] == pytest.approx(along @ down * np.eye(3)[k], abs=1e-9)
+
+
+def test_arm_and_pin_of_the_rl5_have_the_inertia_of_their_source():
+    model = Machine('delta_rl5').model
+    arm, pin = model.body('arm1'), model.body('pin1')
+    found = arm.inertia[1] + arm.mass[0] * np.sum(arm.ipos**2)
+    found += pin.inertia[1] + pin.mass[0] * np.sum(pin.pos**2)
+    assert found == pytest.approx(0.208218, rel=1e-3)
 
 
 def test_the_hexapod_has_the_dimensions_of_its_source():
