@@ -17,7 +17,8 @@ from parallel_robot_sim.plant_run import Simulator
 
 SCENARIOS = ('axes_step', 'serial_2r_circle')
 MACHINES = (
-    'delta_circle', 'delta_pick_and_place', 'hexapod_circle', 'five_bar_circle', 'arm6_circle'
+    'delta_circle', 'delta_pick_and_place', 'delta_rl5_circle', 'delta_rl5_pick_and_place',
+    'hexapod_circle', 'five_bar_circle', 'arm6_circle',
 )  # fmt: skip
 START, MS = 10**9, 10**6  # ns
 

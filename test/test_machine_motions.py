@@ -8,7 +8,7 @@ from parallel_robot_sim.configuration import configure
 from trajectory_gen import preflight
 from trajectory_gen.configuration import resolve, trajectory_of
 
-MACHINES = ['delta', 'hexapod', 'arm6', 'five_bar']
+MACHINES = ['delta', 'delta_rl5', 'hexapod', 'arm6', 'five_bar']
 
 
 def motion(machine, **values):

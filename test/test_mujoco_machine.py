@@ -31,7 +31,7 @@ def verify(*words):
     return main(['verify', *words])
 
 
-@pytest.fixture(params=['five_bar', 'delta', 'hexapod', 'arm6'])
+@pytest.fixture(params=['five_bar', 'delta', 'delta_rl5', 'hexapod', 'arm6'])
 def machine(request):
     """A machine with random masses, near the pose of its scenario."""
     values = resolve(f'{request.param}_circle')
