@@ -29,7 +29,7 @@ from parallel_robot_model.common.units import Array
 
 BLOCKS = 10
 SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect, over the rms of the rates
-LEAST = 0.005  # of the error of its joint that a column must save
+LEAST = 0.002  # of the error of its joint that a column must save
 EXACT = 5e-3  # of the torque: errors that are less are of no interest
 RIDGE = 1e-9  # of the largest eigenvalue: what the others of a block do not tell stays nominal
 

@@ -46,7 +46,7 @@ COUNTS = 0.2  # of a period, a delay that is taken into account
 ITERATIONS = 12  # of what is not linear
 # Half widths of the 95 % interval, the value of a column of friction that stays: where what it
 # saves is above its interval, and where it is not.
-SURE, SURER = 1.5, 2.5
+SURE, SURER = 1.5, 1.8
 CLOSE = 1e-4  # relative, of torques and of the speed of the Stribeck effect: it is found
 
 
