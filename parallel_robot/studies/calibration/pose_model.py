@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -161,6 +162,7 @@ class PoseModel:
         self.robot, self.joints, self.track, self.measured = robot, joints, track, measured
         self.watch: Callable[[int], None] = lambda _: None  # told how many robots were tried
         self._tried = 0
+        self._differentiated: tuple[tuple[bytes, frozenset[int]], Array] | None = None
         self._tracker = Tracker(robot, measured.columns, free)
         self.units = self._tracker.units  # unit of each measured coordinate
         self._locate = Locator(robot)
@@ -185,6 +187,15 @@ class PoseModel:
         self.start[: len(self.numbers)] = values_of(robot, self.numbers)
         self.start[self.zeros] = zero
         self.start[self._of_tracker] = self._tracker.start(found, measured.pose)
+
+    def of(self, rows: Array) -> PoseModel:
+        """The same of some of the poses, which a mask of shape (N,) tells."""
+        part = copy.copy(self)
+        time, columns, pose = self.measured
+        part.measured = MeasuredPoses(time[rows], columns, pose[rows])
+        part.nominal = self.nominal[rows]
+        part._differentiated = None
+        return part
 
     @property
     def _of_tracker(self) -> slice:
@@ -257,6 +268,9 @@ class PoseModel:
             values: Of the unknown, shape (P,).
             known: Numbers of those by which it is not differentiated: zero.
         """
+        asked = values.tobytes(), frozenset(known)
+        if self._differentiated is not None and self._differentiated[0] == asked:
+            return self._differentiated[1]  # the end of a search is the start of the next one
         found = np.zeros((*self.measured.pose.shape, len(values)))
         poses = self.poses(values)
         if poses is None:
@@ -279,6 +293,7 @@ class PoseModel:
             rate = (ahead - back) / (2.0 * CLOCK_STEP)
             found[:, :, -1] = (of_joints @ rate[:, :, np.newaxis])[:, :, 0]
         found[:, :, list(known)] = 0.0
+        self._differentiated = asked, found
         return found
 
     def _pose_slopes(self, values: Array, poses: Array, known: Collection[int]) -> Array:
