@@ -1,7 +1,10 @@
 """The command ``calibrate``, and its function for Python."""
 
 import json
+import re
+import shlex
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -224,8 +227,52 @@ def test_a_tracker_that_strays_is_doubted(case, tmp_path):
     table[11, 1] += 3e-3
     found = pr.calibrate(case.bag, poses=tracker(tmp_path / 'poses.csv', 't,x,y,phi', table))
     [warning] = found.warnings
-    assert '1 poses are more than 6 standard deviations' in warning
-    assert f't = {table[11, 0]:.3f} s' in warning
+    assert f'1 of {len(table)} poses are more than 6 standard deviations' in warning
+    assert f't = {table[11, 0]:.3f} s (x by 3.0' in warning
+    assert warning.endswith('--robust leaves them out')
+
+
+def test_a_robust_calibration_is_that_of_the_poses_without_outliers(
+    case, tmp_path, capsys, monkeypatch
+):
+    """The example of the page: without it, outliers hide behind what they leave."""
+    page = (config.directory().parent / 'docs' / 'calibration.md').read_text()
+    [section] = re.findall(r'## Outliers\n(.*?)\n## ', page, re.DOTALL)
+    [program, command] = re.findall(r'```(?:python|bash)\n(.*?)```', section, re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    Path('runs').mkdir()
+    Path('runs/stood').symlink_to(case.bag)
+    Path('runs/poses.csv').write_text(case.poses.read_text())
+    exec(program, {})
+    poses, out = Path('lost.csv'), Path('runs/robust.yaml')
+    table = np.loadtxt(poses, delimiter=',', skiprows=1)
+    capsys.readouterr()
+    assert run('calibrate', 'runs/stood', '--poses', poses) == 2
+    error = capsys.readouterr().err
+    assert 'no geometry explains the poses' in error and '--robust leaves them out' in error
+    assert run(*shlex.split(command)[1:], '--format', 'json') == 0
+    told = capsys.readouterr()
+    found = json.loads(told.out)
+    assert ' more between t = ' in told.err and told.err.endswith(' s; left out\n')
+    times = {each['time'] for each in found['outliers']}
+    moved = np.abs(table - case.table)[:, 1:].max(axis=1) > 20 * NOISE.max()
+    assert {*table[moved, 0].round(6)} <= {round(time, 6) for time in times}
+    assert len(times) + found['poses'] == len(table)
+    assert found['starts'] == {'tried': 1, 'agreeing': 1, 'rivals': 0}
+    kept = table[~np.isin(table[:, 0].round(6), [round(time, 6) for time in times])]
+    other = pr.calibrate(case.bag, poses=tracker(tmp_path / 'kept.csv', 't,x,y,phi', kept))
+    assert not other.warnings
+    again = pr.calibrate('runs/stood', poses=poses, robust=True)
+    assert again.as_data() == found and again.values == config.flat(
+        yaml.safe_load(out.read_text())
+    )
+    for one, two in zip(found['unknown'], other.as_data()['unknown'], strict=True):
+        assert one['estimate'] == pytest.approx(two['estimate'], abs=1e-8), one['name']
+        assert one['half_width_95'] == pytest.approx(two['half_width_95'], rel=1e-3)
+    worst = max(found['outliers'], key=lambda each: each['x']['deviations'])
+    row = int(np.argmin(np.abs(table[:, 0] - worst['time'])))
+    assert worst['x']['off'] == pytest.approx((table - case.table)[row, 1], abs=1e-4)
+    assert worst['x']['unit'] == 'm'
 
 
 def test_zero_angles_that_are_known_are_found_again(whole, tmp_path):

@@ -35,6 +35,7 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
+    robust: bool = False,
     figure: Place | None = None,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
@@ -58,6 +59,7 @@ def calibrate(
     pose_topic: str | None = None,
     free: Sequence[str] = (),
     out: Place | None = None,
+    robust: bool = False,
     figure: Place | None = None,
     trust: bool = False,
     custom_robots: Sequence[Place] = (),
@@ -78,6 +80,7 @@ def calibrate(
         poses: CSV of measured poses, t [s] or stamp [ns] and coordinates; default: of the bag.
         pose_topic: Topic of measured poses in the bag; default: the only one.
         free: What is unknown of the tracker: ``frame``, ``target``.
+        robust: Whether poses that are not what the others tell are left out.
         out: YAML file of the robot, or of the motion, for ``param_file``; it must not exist.
         figure: Picture of the errors of the poses and of what was changed; likewise.
         trust: Whether the file of a custom robot in the bag may run.
@@ -109,6 +112,7 @@ def calibrate(
         'pose-topic': pose_topic,
         'figure': figure,
         'free': free,
+        'robust': robust,
         'trust': trust,
         'scenario': scenario,
         'design': design,
@@ -135,6 +139,7 @@ def calibrate(
         free,
         recorded_robot.chosen(trust, custom_robots),
         arguments.view({**of_bag, **values, 'scenario': scenario, 'param_file': param_file}),
+        robust,
     )
     if file is not None:
         found.write(file)

@@ -43,6 +43,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'platform; may be repeated',
     )
     parser.add_argument(
+        '--robust',
+        action='store_true',
+        help='leave out poses that are not what the others tell: a tracker that lost its target, '
+        'swapped rows; default: they are named',
+    )
+    parser.add_argument(
         '--out', type=Path, metavar='FILE', help='write the robot as YAML, for --param-file'
     )
     parser.add_argument(
@@ -91,6 +97,7 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.free,
         robot_code(arguments, values),
         bag_view(arguments, values),
+        arguments.robust,
     )
     warn(found.warnings)
     if arguments.out:

@@ -21,7 +21,12 @@ from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
-from parallel_robot.studies.calibration import least_squares, measured_poses, readable
+from parallel_robot.studies.calibration import (
+    least_squares,
+    measured_poses,
+    readable,
+    starts,
+)
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
 from parallel_robot.studies.calibration.measured_poses import (
@@ -30,7 +35,9 @@ from parallel_robot.studies.calibration.measured_poses import (
     StampedPoses,
     margin,
 )
+from parallel_robot.studies.calibration.outliers import STRAY, Outlier
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.starts import MOST_OF_NOISE, Starts
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
@@ -46,14 +53,14 @@ from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import known
+from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.registry import RobotModel, is_known
 
 GAP = 0.02  # s between two states, beyond which nobody knows the joints in between
 MOST = 20_000  # poses that are used
-MOST_OF_NOISE = 10.0  # what may be left of the poses; more is no result if it is also
-MOST_LEFT = 0.2  # of what was left before
+MOST_LEFT = 0.2  # of what was left before: more is no result, if it is also MOST_OF_NOISE
 AT_REST = 10  # pairs of poses that tell the noise of their tracker
-STRAY = 6.0  # of the noise, an error that is doubted
+NAMED = 5  # outliers that a warning lists
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,8 +68,10 @@ class Calibration(ShownResult):
     """What measured poses tell of a robot."""
 
     bag: Path
-    model: PoseModel  # what was looked for
+    model: PoseModel  # what was looked for, by the poses that were used
     found: Fit  # what was found
+    outliers: tuple[Outlier, ...]  # poses that the others do not tell; with `robust` not used
+    starts: Starts  # how many starts of the search agree
     warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
     @property
@@ -82,7 +91,7 @@ class Calibration(ShownResult):
 
     def as_data(self) -> dict[str, Any]:
         """The results as plain data, as ``--format json`` has them."""
-        return readable.as_data(self.model, self.found)
+        return readable.as_data(self.model, self.found, self.outliers, self.starts)
 
     def save_figure(self, path: Path) -> None:
         """Write a picture of the errors and changes into a file that must not exist.
@@ -104,6 +113,7 @@ class Calibration(ShownResult):
         output.save(out, content.encode())
 
 
+@one_blas_thread()
 def calibrate(
     bag: Path,
     poses: Path | None = None,
@@ -111,6 +121,7 @@ def calibrate(
     free: Collection[str] = (),
     code: RobotCode = NONE,
     view: BagView = AS_RECORDED,
+    robust: bool = False,
 ) -> Calibration:
     """Calibrate the robot of a bag.
 
@@ -121,6 +132,7 @@ def calibrate(
         free: What is unknown of the tracker, see FREE.
         code: What may run to know the robot.
         view: What the bag does not say itself, and which part is wanted.
+        robust: Whether poses that the others do not tell are left out.
 
     Raises:
         BagError: it is no bag of a run, its poses do not suffice, or no geometry explains them.
@@ -166,14 +178,25 @@ def calibrate(
         raise BagError(f'{unlike} but with {cause} they are')
     with Progress(None, 'robots tried') as progress, _naming(bag):
         model.watch = progress.show
-        fit = least_squares.fit(model)
-    model.watch = lambda _: None
-    doubt = _judged(model, fit)
+        (used, fit, stray), tried = starts.search(model)
+        hint = _named(model, stray, robust)
+        if robust:
+            model = used
+        elif stray:
+            try:
+                fit = least_squares.fit(model, fit.values)
+            except BagError as error:
+                raise BagError(f'{error}; {hint}') from None
+    model.watch = lambda _: None  # the bar is gone
+    doubt = _judged(model, fit, hint)
     judged = [f'{poses or bag}: {doubt}'] if doubt else []
     if cause:
         judged.append(f'{unlike} with {cause} they nearly are')
     most = margin(duration, states, len(near.around))
-    return Calibration(bag, model, fit, (*warnings, *_doubts(model, fit, most), *judged))
+    if hint:
+        judged.insert(0, f'{poses or bag}: {hint}')
+    doubts = _doubts(fit, tried, most)
+    return Calibration(bag, model, fit, stray, tried, (*warnings, *doubts, *judged))
 
 
 def _measured(
@@ -282,11 +305,35 @@ def _rms(model: PoseModel, left: Array) -> str:
     )
 
 
-def _judged(model: PoseModel, found: Fit) -> str:
+def _named(model: PoseModel, stray: tuple[Outlier, ...], left_out: bool) -> str:
+    """Poses that the others do not tell, in one line, the worst ones first; empty if none."""
+    if not stray:
+        return ''
+    axes = model.robot.module.coordinates(model.robot.parameters)
+
+    def shown(each: Outlier) -> str:
+        k = int(np.argmax(each.share))
+        axis = axes[model.measured.columns[k]]
+        return f't = {each.time:.3f} s ({axis.name} by {1e3 * each.off[k]:.3g} m{axis.unit})'
+
+    ordered = sorted(stray, key=lambda each: -each.share.max())
+    told = [shown(each) for each in ordered[:NAMED]]
+    rest = [each.time for each in ordered[NAMED:]]
+    if rest:
+        told.append(f'{len(rest)} more between t = {min(rest):.3f} and {max(rest):.3f} s')
+    return (
+        f'{len(stray)} of {len(model.nominal)} poses are more than {STRAY:g} standard deviations '
+        f'beside what the others tell: {", ".join(told)}; '
+        f'{"left out" if left_out else "--robust leaves them out"}'
+    )
+
+
+def _judged(model: PoseModel, found: Fit, hint: str) -> str:
     """What to doubt of a calibration by what it leaves of the poses; empty if nothing.
 
-    Medians count, so that poses which stray do not. The noise is that of a good tracker, or of
-    this one, if it tells that by poses that follow each other at rest.
+    Medians count, so that poses which stray do not; `hint` tells of these in an error. The noise
+    is that of a good tracker, or of this one, if it tells that by poses that follow each other at
+    rest.
 
     Raises:
         BagError: it leaves so much that it is no result.
@@ -306,13 +353,13 @@ def _judged(model: PoseModel, found: Fit) -> str:
         if now > MOST_LEFT * then:
             raise BagError(
                 f'no geometry explains the poses: they are {_rms(model, found.left)} off, before '
-                f'{_off(model)}; nor does one of {TRIED}'
+                f'{_off(model)}; nor does one of {TRIED}' + (f'; {hint}' if hint else '')
             )
         told = f'{_rms(model, found.left)} of the poses is left, more than the noise of a tracker'
     return told
 
 
-def _doubts(model: PoseModel, found: Fit, most: float) -> list[str]:
+def _doubts(found: Fit, tried: Starts, most: float) -> list[str]:
     """What to doubt of a calibration, one line each; `most` of the clock, see :func:`margin`."""
     lines = []
     if abs(found.values[-1]) + CLOCK_STEP > most:
@@ -320,13 +367,10 @@ def _doubts(model: PoseModel, found: Fit, most: float) -> list[str]:
             f'the clock of the tracker is off by more than {most - CLOCK_STEP:.3g} s: of so long '
             'a bag the joints are kept no further from a pose; shift the times of the poses'
         )
-    share: Array = np.abs(found.left) / found.noise
-    stray = (share > STRAY).any(axis=1)
-    if stray.any():
-        worst = int(np.argmax(share.max(axis=1)))
+    if tried.rivals:
         lines.append(
-            f'{int(stray.sum())} poses are more than {STRAY:g} standard deviations beside what is '
-            f'explained, at worst at t = {model.measured.time[worst]:.3f} s: the tracker strayed?'
+            f'{tried.rivals} of {tried.tried} starts of the search end in another robot, which '
+            'explains the poses about as well: the best one is given; more poses would decide'
         )
     return lines
 
@@ -348,7 +392,17 @@ def _naming(bag: Path) -> Iterator[None]:
 
 BAG, DESIGN = 'bag', 'design'
 OF_BAG = (
-    *('poses', 'pose-topic', 'figure', 'trust', 'topic', 'namespace', 'joints', 'override'),
+    *(
+        'poses',
+        'pose-topic',
+        'robust',
+        'figure',
+        'trust',
+        'topic',
+        'namespace',
+        'joints',
+        'override',
+    ),
     *('from', 'to'),
 )
 

@@ -36,7 +36,7 @@ class Fit:
 
     values: Array  # estimates, shape (P,)
     covariance: Array  # of the estimates, shape (P, P); zero for those that keep their values
-    interval: float  # half width of a 95 % interval over the standard error
+    degrees: float  # of freedom, of the noise
     noise: Array  # standard deviation of the measured coordinates, shape (k,)
     kept: tuple[int, ...]  # numbers of those that keep their values, as the poses cannot tell them
     untold: Array  # combinations that they cannot tell, unit vectors, shape (len(kept), P)
@@ -46,13 +46,26 @@ class Fit:
     condition: float  # condition number of the weighted Jacobian of those that are told
 
     @property
+    def interval(self) -> float:
+        """Half width of a 95 % interval over the standard error."""
+        return self.beyond(0.05)
+
+    def beyond(self, share: float) -> float:
+        """Standard errors that a share of errors exceeds, by Student's t."""
+        return float(stats.t.isf(share / 2.0, self.degrees))
+
+    @property
     def half_widths(self) -> Array:
         """Half widths of 95 % intervals, shape (P,)."""
         return np.asarray(self.interval * np.sqrt(np.diag(self.covariance)))
 
 
-def fit(model: PoseModel) -> Fit:
+def fit(model: PoseModel, start: Array | None = None) -> Fit:
     """Estimate what is unknown.
+
+    Args:
+        model: What is looked for.
+        start: Where the search begins, for what does not keep its value; None: as believed.
 
     Raises:
         BagError: there are too few poses, or the nominal robot is too far from them.
@@ -65,10 +78,10 @@ def fit(model: PoseModel) -> Fit:
     before = model.left(model.start)
     assert before is not None  # it was looked at when the model was made
     noise = np.array([NOISE[unit] for unit in model.units])
-    slopes = model.slopes(model.start)
-    kept, untold = kept_values(_flat(slopes, noise) * model.told, model.preference)
+    kept, untold = first_kept(model)
+    start = model.start if start is None else start
     for _ in range(ITERATIONS):
-        values, noise, degrees = _weighted(model, kept, noise)
+        values, noise, degrees = _weighted(model, start, kept, noise)
         slopes = model.slopes(values)
         found, combinations = kept_values(_flat(slopes, noise) * model.told, model.preference)
         if len(found) == len(kept):
@@ -76,7 +89,7 @@ def fit(model: PoseModel) -> Fit:
             break
         kept, untold = found, combinations
     else:
-        values, noise, degrees = _weighted(model, kept, noise)
+        values, noise, degrees = _weighted(model, start, kept, noise)
         slopes = model.slopes(values)
     left = model.left(values)
     assert left is not None
@@ -87,11 +100,16 @@ def fit(model: PoseModel) -> Fit:
     inverse = vectors.T / singular
     covariance = np.zeros((size, size))
     covariance[np.ix_(told, told)] = inverse @ inverse.T
-    interval = float(stats.t.ppf(0.975, degrees))
     condition = float(singular[0] / singular[-1])
     return Fit(
-        values, covariance, interval, noise, tuple(kept), untold, left, before, slopes, condition
+        values, covariance, degrees, noise, tuple(kept), untold, left, before, slopes, condition
     )
+
+
+def first_kept(model: PoseModel) -> tuple[list[int], Array]:
+    """What :func:`kept_values` are of the robot that is believed in, by a good tracker."""
+    noise = np.array([NOISE[unit] for unit in model.units])
+    return kept_values(_flat(model.slopes(model.start), noise) * model.told, model.preference)
 
 
 def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
@@ -114,10 +132,13 @@ def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
     return sorted(order[: len(untold)].tolist()), untold
 
 
-def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, Array, float]:
+def _weighted(
+    model: PoseModel, start: Array, kept: list[int], noise: Array
+) -> tuple[Array, Array, float]:
     """Estimates, and the noise of the coordinates of each unit that is left by them."""
     told = [k for k in range(len(model.start)) if k not in kept]
-    values = model.start.copy()
+    values = start.copy()
+    values[kept] = model.start[kept]
     for _ in range(ITERATIONS):
         values[told] = solved(model, values, told, noise)
         left = model.left(values)
@@ -137,8 +158,15 @@ def _weighted(model: PoseModel, kept: list[int], noise: Array) -> tuple[Array, A
     return values, noise, least
 
 
-def solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Array:
-    """Weighted least squares for those of the unknown that are told."""
+def solved(
+    model: PoseModel,
+    start: Array,
+    told: list[int],
+    noise: Array,
+    loss: str = 'linear',
+    tolerance: float = TOLERANCE,
+) -> Array:
+    """Weighted least squares for those of the unknown that are told; or another loss of SciPy."""
     kept = set(range(len(start))) - set(told)
 
     def whole(x: Array) -> Array:
@@ -158,14 +186,20 @@ def solved(model: PoseModel, start: Array, told: list[int], noise: Array) -> Arr
         start[told],
         jacobian,
         x_scale=model.told[told],
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        gtol=TOLERANCE,
+        loss=loss,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
         max_nfev=STEPS,
     )
     if not found.success or model.left(whole(found.x)) is None:
-        raise BagError('no geometry was found that explains the poses: least squares do not end')
+        raise unexplained()
     return np.asarray(found.x, np.float64)
+
+
+def unexplained() -> BagError:
+    """What is raised where a search does not end."""
+    return BagError('no geometry was found that explains the poses: least squares do not end')
 
 
 def _flat(slopes: Array, noise: Array) -> Array:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from parallel_robot.studies.calibration.least_squares import Fit
+from parallel_robot.studies.calibration.outliers import Outlier
 from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.calibration.starts import Starts
 from parallel_robot.studies.identification.readable import dump
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
@@ -81,7 +84,9 @@ def expected_error(model: PoseModel, found: Fit) -> dict[str, float]:
     return {unit: float(np.sqrt(variance[units == unit].sum())) for unit in sorted({*units})}
 
 
-def as_data(model: PoseModel, found: Fit) -> dict[str, Any]:
+def as_data(
+    model: PoseModel, found: Fit, stray: Sequence[Outlier], starts: Starts
+) -> dict[str, Any]:
     """All results as plain data, for JSON; None for what keeps its value."""
     axes = model.robot.module.coordinates(model.robot.parameters)
     half = found.half_widths
@@ -111,6 +116,23 @@ def as_data(model: PoseModel, found: Fit) -> dict[str, Any]:
             for k, column in enumerate(model.measured.columns)
         },
         'expected_error_rms': expected_error(model, found),
+        'outliers': [
+            {
+                'time': each.time,
+                **{
+                    axes[column].name: {
+                        'unit': axes[column].unit,
+                        'off': float(off),
+                        'deviations': float(share),
+                    }
+                    for column, off, share in zip(
+                        model.measured.columns, each.off, each.share, strict=True
+                    )
+                },
+            }
+            for each in stray
+        ],
+        'starts': starts._asdict(),
     }
 
 
