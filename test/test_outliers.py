@@ -7,6 +7,7 @@ import pytest
 from test_calibration import Case
 
 from parallel_robot.studies.calibration import least_squares, starts
+from parallel_robot.studies.calibration.likely_cause import likely_cause
 from parallel_robot.studies.calibration.outliers import Sifted
 from parallel_robot_model.common.errors import BagError
 
@@ -29,6 +30,10 @@ def far(rng, pose, rows, noise):
 def aside(rng, pose, rows, noise):
     """All in the same direction, as of another target."""
     pose[rows] += 200.0 * noise
+
+
+def flying(rng, pose, rows, noise):
+    pose[rows, :2] += 10.0 * rng.normal(size=(len(rows), 2))
 
 
 def lost(rng, pose, rows, noise):
@@ -79,6 +84,39 @@ def test_outliers_of_a_parallel_robot_are_named(parallel, spoil):
     assert named(found) == rows
     off = np.abs(found.found.values[:-1] - truth)
     assert (off < 2.0 * found.found.half_widths[:-1]).all()
+
+
+@pytest.mark.parametrize('free', [('frame',), ('frame', 'target')])
+@pytest.mark.parametrize('spoil', [flying, lost, held])
+def test_a_tracker_somewhere_is_found_beside_outliers(parallel, free, spoil):
+    """Its place is estimated first, which they must not move."""
+    _, pose = parallel.measured(1, 1e-3, 2e-3)
+    seen = np.exp(2.5j) * (pose[:, 0] + 1j * pose[:, 1]) + 0.4 - 0.3j
+    pose = np.column_stack([seen.real, seen.imag, pose[:, 2] + 2.5])
+    pose, rows = spoiled(parallel, pose, 0.2, spoil)
+    model = parallel.model(pose, free=free)
+    found, _ = starts.search(model)
+    assert likely_cause(model, free) is None
+    assert named(found) == rows and found.found.noise[0] < 1.5e-5
+
+
+@pytest.mark.parametrize(
+    ('change', 'cause'),
+    [
+        (lambda pose: pose * [1e3, 1e3, 1.0], 'lengths in mm'),
+        (lambda pose: np.add(pose, [5.0, 0.0, 0.0]), 'another frame (--free frame)'),
+        (lambda pose: pose * [1.0, -1.0, 1.0], 'y with the other sign (mirrored?)'),
+    ],
+)
+def test_a_cause_of_most_poses_is_named_beside_outliers_and_that_of_a_few_is_not(
+    parallel, change, cause
+):
+    pose, _ = spoiled(parallel, change(parallel.pose), 0.2, lost)
+    assert likely_cause(parallel.model(pose), ()) == (cause, True)
+    few, rows = parallel.pose.copy(), np.arange(0, 40, 5)
+    few[rows] = change(few)[rows]
+    assert likely_cause(parallel.model(few), ()) is None
+    assert named(starts.search(parallel.model(few))[0]) == {*rows.tolist()}
 
 
 def test_clean_poses_are_hardly_ever_named_and_the_estimate_is_that_of_least_squares(arm):

@@ -62,13 +62,17 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> tuple[str, bool] | 
             return np.full_like(seen, np.inf)
         values = tracker.start(own, seen)
         if TARGET in free:
+            rough = size(tracker.apart(seen, tracker.seen(own, values)))
             values = optimize.least_squares(
-                lambda x: (tracker.apart(seen, tracker.seen(own, x)) / noise).ravel(), values
+                lambda x: (tracker.apart(seen, tracker.seen(own, x)) / noise).ravel(),
+                values,
+                loss='soft_l1',
+                f_scale=max(rough, 1.0),
             ).x
         return tracker.apart(seen, tracker.seen(own, values))
 
-    def size(left: Array) -> float:
-        return float(np.sqrt(np.mean((left / noise) ** 2)))
+    def size(left: Array) -> float:  # of most poses: outliers do not count
+        return float(np.sqrt(np.median(((left / noise) ** 2).mean(axis=1))))
 
     before = left(own, seen, free)
     least = size(before)
@@ -91,7 +95,7 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> tuple[str, bool] | 
     if found is None:
         return None
     spread = own[:, list(model.measured.columns)].std(axis=0)
-    far = np.sqrt((before**2).mean(axis=0)) > DISTANT * np.maximum(spread, LEAST)
+    far = 1.48 * np.median(np.abs(before), axis=0) > DISTANT * np.maximum(spread, LEAST)
     return found[0], bool(far.any())
 
 

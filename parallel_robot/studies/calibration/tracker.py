@@ -16,6 +16,10 @@ from parallel_robot_model.robots.registry import RobotModel
 
 FRAME, TARGET = 'frame', 'target'
 FREE = (FRAME, TARGET)  # what may be unknown of a tracker
+ROUNDS = 10  # of leaving out poses
+FEW = 4  # poses, which are not halved
+STRAY = 4.0  # times the median distance, of a pose that does not count
+LEAST = 0.01  # m and rad together, within which one counts in any case
 PLACE, TURNS = ('x', 'y', 'z'), ('rx', 'ry', 'rz')  # in space
 
 
@@ -75,9 +79,30 @@ class Tracker:
     def start(self, own: Array, measured: Array) -> Array:
         """The tracker that fits some poses of the robot, shape (N, m), to measured ones, (N, k).
 
+        Poses that stray far from the others do not count.
+
         Returns:
             Shape (Q,).
         """
+        near = np.ones(len(own), bool)
+        for _ in range(ROUNDS if self._free else 0):  # of the nearest half
+            off = self._off(own, measured, near)
+            half = off <= np.sort(off)[max(len(off) // 2, min(len(off), FEW) - 1)]
+            if (half == near).all():
+                break
+            near = half
+        off = self._off(own, measured, near)
+        near = off <= max(STRAY * float(np.median(off)), LEAST)
+        return self._fitting(own[near], measured[near])
+
+    def _off(self, own: Array, measured: Array, near: Array) -> Array:
+        """How far poses are from what some of them tell, m and rad together, shape (N,)."""
+        values = self._fitting(own[near], measured[near])
+        off = self.apart(measured, self.seen(own, values))
+        return np.asarray(np.linalg.norm(off, axis=1))
+
+    def _fitting(self, own: Array, measured: Array) -> Array:
+        """The same by all of these poses."""
         values = dict.fromkeys((each.name for each in self.unknown), 0.0)
         place = len(PLACE) if self._space else 2
         if FRAME in self._free and self.columns[:place] == tuple(range(place)):
