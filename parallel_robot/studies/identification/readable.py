@@ -21,6 +21,7 @@ WORDS = {
     'viscous': 'viscous', 'coulomb': 'dry', 'offset': 'constant', 'stribeck': 'more at rest',
     'load': 'by load',
 }  # fmt: skip
+ROUNDING = 1e-6  # of a sum of masses, what a combination of parameters may leave of it
 LONG = 12  # numbers of a list, of which beyond that only those that changed are told
 
 
@@ -75,7 +76,11 @@ def _mass(found: Identified) -> list[str]:
         return []
     row = bodies.known['mass'].rows(0.0, np.inf)[0, :-1]
     now = model.bodies(parameters._replace(**found.robot.robot)).numbers
-    return [f'mass {row @ now:.4g} kg in all, {row @ bodies.numbers:.4g} before']
+    shown = (found.base.K @ bodies.linear).T
+    left = row - shown @ np.linalg.lstsq(shown, row, rcond=None)[0]
+    told = np.abs(left).max() < ROUNDING * np.abs(row).max()
+    doubt = '' if told else '; torques do not tell it, --bounds mass=LOW:HIGH does'
+    return [f'mass {row @ now:.4g} kg in all, {row @ bodies.numbers:.4g} before{doubt}']
 
 
 def parts(found: Identified) -> list[Part]:
