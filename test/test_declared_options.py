@@ -44,6 +44,8 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'host': 'no such host',
     'port': '-1',
     'cutoff': 'nan',
+    'hold_out': '1.5',
+    'torque_constant': 'nan',
     'trials': '0',
     'seed': '-1',
     'study_seed': '-1',

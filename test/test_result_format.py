@@ -100,11 +100,11 @@ def numbers(data):
 
 
 def is_among(cell, known):
-    """Whether the number of a cell is one of those of JSON, in SI units or millionths."""
+    """Whether the number of a cell is one of those of JSON, in SI units, % or millionths."""
     digits = re.fullmatch(r'[-+]?(\d*)\.?(\d*)(?:e([-+]\d+))?', cell)
     half = 0.5001 * 10.0 ** (int(digits[3] or 0) - len(digits[2]))
     half = max(half, 0.0005001 * abs(float(cell)))  # 10940 stands for four digits
-    values = [scale * value for value in known for scale in (1.0, 1e6)]
+    values = [scale * value for value in known for scale in (1.0, 1e2, 1e6)]
     return any(abs(float(cell) - value) <= half for value in values)
 
 

@@ -27,7 +27,8 @@ from parallel_robot.studies.identification.least_squares import Estimate
 from parallel_robot.studies.identification.regression_rows import Rows
 from parallel_robot_model.common.units import Array
 
-BLOCKS = 10
+BLOCKS, FEWEST = 10, 5  # blocks, and those below which there are too few to choose by
+APART = 3.0  # lengths of the filter, a block at least
 SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect, over the rms of the rates
 LEAST = 0.002  # of the error of its joint that a column must save
 EXACT = 5e-3  # of the torque: errors that are less are of no interest
@@ -67,7 +68,9 @@ class Choice(NamedTuple):
 class Blocks:
     """Rows of a motion in blocks of time, by their sums of squares."""
 
-    def __init__(self, base: BaseParameters, found: Estimate, begin: float, end: float) -> None:
+    def __init__(
+        self, base: BaseParameters, found: Estimate, begin: float, end: float, apart: float
+    ) -> None:
         """Begin without rows.
 
         Args:
@@ -75,19 +78,23 @@ class Blocks:
             found: An estimate, of which the weights of the joints count.
             begin: Where the motion begins [s].
             end: Where it ends [s].
+            apart: Length of the filter [s].
         """
         self._base = base
         n, parameters = len(found.weight), len(base.names)
         self._root = np.linalg.cholesky(found.weight).T
-        self._edges = np.linspace(begin, end, BLOCKS + 1)
-        self._weighted = np.zeros((BLOCKS, parameters + 1, parameters + 1))
-        self._joints = np.zeros((BLOCKS, n, parameters + 1, parameters + 1))
+        self._apart, self.count = apart, min(BLOCKS, int((end - begin) / (APART * apart)))
+        self._edges = np.linspace(begin, end, self.count + 1)
+        self._weighted = np.zeros((self.count, parameters + 1, parameters + 1))
+        self._joints = np.zeros((self.count, n, parameters + 1, parameters + 1))
 
-    def add(self, rows: Rows, apart: float) -> None:
-        """Take rows, but for those whose filter [s] sees two blocks."""
+    def add(self, rows: Rows) -> None:
+        """Take rows, but for those whose filter sees two blocks."""
         whole = np.concatenate([rows.Y, rows.torque[:, :, np.newaxis]], axis=2)
         for block, (begin, end) in enumerate(zip(self._edges, self._edges[1:], strict=False)):
-            inside = (rows.time > begin + 0.5 * apart) & (rows.time < end - 0.5 * apart)
+            inside = (rows.time > begin + 0.5 * self._apart) & (
+                rows.time < end - 0.5 * self._apart
+            )
             some = whole[inside]
             weighted = (self._root @ some).reshape(-1, some.shape[2])
             self._weighted[block] += weighted.T @ weighted
@@ -104,18 +111,19 @@ class Blocks:
         inertia = len(scale) - len(self._base.friction)
 
         def errors(columns: Sequence[int]) -> Array:
-            """Squared errors of blocks that were not fitted, relative, shape (BLOCKS, n)."""
+            """Squared errors of blocks that were not fitted, relative, shape (K, n)."""
             kept = [*range(inertia), *(inertia + k for k in columns)]
             some = np.ix_(kept, kept)
-            found = np.empty((BLOCKS, joints))
-            for block in range(BLOCKS):
+            found = np.empty((self.count, joints))
+            for block in range(self.count):
                 total = weighted.sum(axis=0) - weighted[block]
                 x = start.copy()
                 x[inertia:-1] = 0.0
                 x[kept] = start[kept]
                 slope = -(total @ x)[kept]
                 normal = total[some]
-                normal = normal + RIDGE * np.trace(normal) / len(kept) * np.eye(len(kept))
+                ridge = RIDGE * np.trace(normal) / len(kept) + np.finfo(float).tiny
+                normal = normal + ridge * np.eye(len(kept))
                 x[kept] += np.linalg.solve(normal, slope)
                 found[block] = np.einsum('p,jpq,q->j', x, each[block], x)
             return found / np.maximum(torque, 1e-300)
@@ -152,7 +160,7 @@ class Blocks:
 
 def _saved(without: Array, within: Array) -> tuple[float, float]:
     """Share of an error that is saved, with half of its interval, from squares by block."""
-    scale = max(float(np.sqrt(without.mean())), EXACT)
+    count, scale = len(without), max(float(np.sqrt(without.mean())), EXACT)
     by_block = (np.sqrt(without) - np.sqrt(within)) / scale
-    half = stats.t.ppf(0.975, BLOCKS - 1) * by_block.std(ddof=1) / np.sqrt(BLOCKS)
+    half = stats.t.ppf(0.975, count - 1) * by_block.std(ddof=1) / np.sqrt(count)
     return float(by_block.mean()), float(half)

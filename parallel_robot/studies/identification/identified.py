@@ -343,14 +343,16 @@ def _choice(regression: _Regression) -> Choice:
     every = regression._replace(
         base=friction_choice.candidates(regression.base, regression.motion.speed)
     )
-    if np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names):
+    time = [window.time[[0, -1]] for window in regression.motion.windows()]
+    apart = regression_rows.SUPPORT / regression.cutoff
+    blocks = Blocks(every.base, found, time[0][0], time[-1][-1], apart)
+    few = np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names)
+    if few or blocks.count < friction_choice.FEWEST:
         return Choice(regression.base.friction, {})
     values = 0.0 * every.before
     values[: len(begin.base.inertias)] = found.values[: len(begin.base.inertias)]
-    time = [window.time[[0, -1]] for window in regression.motion.windows()]
-    blocks = Blocks(every.base, found, time[0][0], time[-1][-1])
     for rows in every.rows(At(late, values)):
-        blocks.add(rows.first(len(values)), regression_rows.SUPPORT / regression.cutoff)
+        blocks.add(rows.first(len(values)))
     choice = blocks.choose(every.before, every.scale)
     while True:
         columns = choice.columns
