@@ -15,7 +15,7 @@ from trajectory_gen import preflight
 from trajectory_gen.trajectory import Reference
 
 FACTOR = 'trajectory.speed_factor'
-SIGNS = 5  # corrections of a speed by the signs of what gears transmit at it
+ROUNDS = 5  # corrections of a speed by the friction at it
 RESERVE = 1e-4  # of the factor: the fastest moment may lie between two samples
 
 
@@ -47,8 +47,9 @@ def fastest(configuration: Configuration) -> Fastest:
     speed = speed_limit(configuration)
     # 2. Their torque: k^2 I + k V + C = a limit.
     least, greatest = torque_limits(configuration)
-    scale, signs = 1.0, SIGNS if any(configuration.plant.load.friction.load) else 1
-    for _ in range(signs):  # gears resist what they transmit at the speed that is found
+    friction = configuration.plant.load.friction
+    scale, rounds = 1.0, ROUNDS if any(friction.load) or any(friction.stribeck) else 1
+    for _ in range(rounds):  # friction is that at the speed that is found
         inertia, viscous, dry = torques(configuration, reference, scale)
         with np.errstate(divide='ignore', invalid='ignore'):
             by_speed = speed / np.abs(reference.velocity)
@@ -108,7 +109,7 @@ def torques(
     Args:
         configuration: The experiment.
         reference: The motion.
-        scale: How many times as fast it runs, for the sign of what gears transmit.
+        scale: How many times as fast it runs, for friction at rest and what gears transmit.
 
     Returns:
         That of inertia, that of viscous friction, that of dry friction and gravity.
@@ -119,7 +120,7 @@ def torques(
     estimate = robot.kernel('estimate', margins, joints, joints, pose)
     rows = reference.position, reference.velocity, reference.acceleration
     held, moved = _along(estimate, robot.constants, margins, pose, joints, reference.pose, *rows)
-    share = reference.velocity / friction.stribeck_velocity
+    share = scale * reference.velocity / friction.stribeck_velocity
     dry = np.array(friction.coulomb) + np.array(friction.stribeck) * np.exp(-share * share)
     sign, inertia = np.sign(reference.velocity), moved - held
     driving = 1.0 + np.array(friction.load) * sign * np.sign(scale**2 * inertia + held)

@@ -288,9 +288,6 @@ class IdealTorque:
         times = self._points[max(begin - DEGREE - 1, 0) : end + DEGREE]
         motion = performed(self._trajectory, self._smooth, times, self._assembled)
         torque = between_points(motion.times + 0.5 * period, motion.torque, middles)
-        drive = self._plant.imperfections.drive
-        if drive.on:  # rotors turn as their joints do, but for what their gears give way
-            torque = torque + np.array(drive.rotor_inertia) * acceleration
         # 2. Dry friction and disturbances are not.
         friction, disturbance = self._plant.load
         if any(friction.load):  # without viscous friction, which is no load of the gears
@@ -302,6 +299,9 @@ class IdealTorque:
         ideal: Array = _with_loads(
             setup, rest, motion.plant.state.torque, torque, position, velocity, period, first
         )
+        drive = self._plant.imperfections.drive
+        if drive.on:  # rotors turn as their joints do, but for what their gears give way
+            ideal = ideal + np.array(drive.rotor_inertia) * acceleration
         return ideal
 
 
@@ -365,9 +365,9 @@ def _with_loads(
     for k in range(0 if first else 1, len(torque)):
         begin = (first + k - 1) * period
         rate = read_row(velocity, k, like)
-        given = read_row(torque, k, like)
+        needed = motor_torque(load, read_row(torque, k, like), rate, begin + 0.5 * period)
         if setup.imperfections.on:
             start = read_row(position, k, like) - 0.5 * period * rate
-            given = given + held_disturbance(setup, start, begin, period)
-        write_row(ideal, k, motor_torque(load, given, rate, begin + 0.5 * period))
+            needed = needed + held_disturbance(setup, start, begin, period)
+        write_row(ideal, k, needed)
     return ideal

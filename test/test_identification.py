@@ -90,6 +90,11 @@ def noisy(case, rng, position=1e-5, torque=0.5):
     )
 
 
+def begun(case, count):
+    """The first samples of the recording."""
+    return MeasuredMotion(*(part[:count] for part in vars(case.recording).values()))
+
+
 def replaced(case, **parts):
     return MeasuredMotion(**{**vars(case.recording), **parts})
 
@@ -222,6 +227,34 @@ def test_friction_that_pays_is_found_and_no_other(excited):
     written = config.flat(readable.parameter_groups(found, {}))
     assert written['friction.offset'] == pytest.approx([0.6, 0.0, 0.0], abs=0.05)
     assert written['friction.load'][0] == 0.0 and written['friction.stribeck'][:2] == [0.0, 0.0]
+
+
+def test_friction_of_the_configuration_stays_and_no_gear_drives(excited):
+    """A small offset that is known; a load that would be negative; half of the torque told late."""
+    friction = excited.nominal.friction._replace(offset=(0.01, 0.0, 0.0))
+    case = SimpleNamespace(nominal=replace(excited.nominal, friction=friction))
+    rng, sign = np.random.default_rng(7), np.sign(excited.run.velocity[:, 1])
+    driven = excited.recording.effort.copy()
+    driven[:, 1] -= 0.1 * np.abs(driven[:, 1]) * sign
+    found = identify(case, noisy(SimpleNamespace(recording=replaced(excited, effort=driven)), rng))
+    assert 'offset1' in found.base.names and 'load2' not in found.base.names
+    short = identify(case, begun(excited, 4000))
+    assert short.base.names == (*TABLE_1, 'offset1') and not short.choice.saved
+    assert short.before[-1] == 0.01
+
+
+def test_joints_that_stand_still_have_no_part_in_the_choice():
+    """Three of five: their rates are exactly zero, and so is their torque's share."""
+    sine = np.array([0.3, 0.2, 0.1, 0.05, 0.05] * 5)
+    sine[5:20] = 0.0
+    shape = {'trajectory.shape': 'excitation', 'excitation.cosine': [0.0] * 25}
+    shape |= {'law': 'computed_torque', 'plant.initial_pose': [0.0] * 5}
+    case = motion('axes_step', **shape, **{'excitation.sine': sine.tolist()})
+    found = identified.identify(case.nominal, case.recording, CUTOFF, hold_out=1.0 / 3.0)
+    assert np.isnan(found.held_out.share[[1, 2, 3]]).all()
+    assert (found.held_out.share[[0, 4]] < 0.01).all()
+    json = readable.as_data(found, identified.compare(found), list('abcde'))
+    assert json['held_out']['share'][1:4] == [None] * 3
 
 
 def test_the_robot_of_the_file_has_the_friction_that_was_found(excited):

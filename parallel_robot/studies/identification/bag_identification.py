@@ -180,6 +180,8 @@ def identify(
     unsure = first.log.joints_differ.text or _untold(first.log)
     with _naming(bag, unsure):
         found = identified.identify(nominal, first.motion, cutoff, bounds, hold_out)
+    if hold_out and not found.held_out:
+        warnings.append(f'{bag}: nothing is held out: too little motion is before, or in, its end')
     if found.left.doubt:
         warnings.append(f'{bag}: {found.left.doubt}')
     if second is None or validate is None:

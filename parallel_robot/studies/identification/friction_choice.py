@@ -24,6 +24,7 @@ from parallel_robot.studies.identification.base_parameters import (
     columns_of,
 )
 from parallel_robot.studies.identification.least_squares import Estimate
+from parallel_robot.studies.identification.measured_motion import STILL
 from parallel_robot.studies.identification.regression_rows import Rows
 from parallel_robot_model.common.units import Array
 
@@ -32,7 +33,9 @@ APART = 3.0  # lengths of the filter, a block at least
 SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect, over the rms of the rates
 LEAST = 0.002  # of the error of its joint that a column must save
 EXACT = 5e-3  # of the torque: errors that are less are of no interest
-RIDGE = 1e-9  # of the largest eigenvalue: what the others of a block do not tell stays nominal
+RIDGE = (
+    1e-9  # of the mean eigenvalue: inertias that the others of a block do not tell stay nominal
+)
 
 
 def candidates(base: BaseParameters, rates: Array) -> BaseParameters:
@@ -40,8 +43,13 @@ def candidates(base: BaseParameters, rates: Array) -> BaseParameters:
     kinds, n = [*FRICTION], base.joints
     columns = columns_of([kind for kind in kinds if kind != 'stribeck'], n)
     for share in SPEEDS:
-        columns += columns_of(['stribeck'], n, share * float(np.median(rates)))
+        columns += columns_of(['stribeck'], n, share * typical(rates))
     return base.with_friction(columns)
+
+
+def typical(rates: Array) -> float:
+    """Typical rate of the joints that move [rad/s]."""
+    return float(np.median(rates[rates > STILL])) if (rates > STILL).any() else 1.0
 
 
 class Choice(NamedTuple):
@@ -100,13 +108,20 @@ class Blocks:
             self._weighted[block] += weighted.T @ weighted
             self._joints[block] += np.einsum('tjp,tjq->jpq', some, some)
 
-    def choose(self, nominal: Array, scale: Array) -> Choice:
-        """Choose the columns; values and sizes of all parameters, each shape (P,)."""
+    def choose(self, nominal: Array, scale: Array) -> Choice | None:
+        """Choose the columns; values and sizes of all parameters, each shape (P,).
+
+        Columns with a nominal value stay. None: there are too few blocks.
+        """
         joints = self._base.joints
+        moving = self._joints[:, :, -1, -1] > 0.0
+        used = moving.any(axis=1)
+        if used.sum() < FEWEST:
+            return None
         sizes = np.append(scale, 1.0)
         start = np.append(nominal / scale, -1.0)
-        weighted = sizes[:, np.newaxis] * self._weighted * sizes
-        each = sizes[:, np.newaxis] * self._joints * sizes
+        weighted = sizes[:, np.newaxis] * self._weighted[used] * sizes
+        each = sizes[:, np.newaxis] * self._joints[used] * sizes
         torque = each[:, :, -1, -1].mean(axis=0)
         inertia = len(scale) - len(self._base.friction)
 
@@ -114,8 +129,8 @@ class Blocks:
             """Squared errors of blocks that were not fitted, relative, shape (K, n)."""
             kept = [*range(inertia), *(inertia + k for k in columns)]
             some = np.ix_(kept, kept)
-            found = np.empty((self.count, joints))
-            for block in range(self.count):
+            found = np.empty((len(each), joints))
+            for block in range(len(each)):
                 total = weighted.sum(axis=0) - weighted[block]
                 x = start.copy()
                 x[inertia:-1] = 0.0
@@ -142,10 +157,11 @@ class Blocks:
             now = errors(chosen)
             saved = {}
             for k in chosen:
-                if columns[k].kind in [*FRICTION][ALWAYS:]:
+                if columns[k].kind in [*FRICTION][ALWAYS:] and not nominal[inertia + k]:
                     joint = columns[k].joint
                     without = errors([other for other in chosen if other != k])[:, joint]
-                    saved[k] = _saved(without, now[:, joint])
+                    some = moving[used, joint]
+                    saved[k] = _saved(without[some], now[some, joint])
             useless = {k: mean for k, (mean, _) in saved.items() if mean <= LEAST}
             if not useless:
                 return Choice(
@@ -160,6 +176,8 @@ class Blocks:
 
 def _saved(without: Array, within: Array) -> tuple[float, float]:
     """Share of an error that is saved, with half of its interval, from squares by block."""
+    if len(without) < 2:
+        return 0.0, 0.0
     count, scale = len(without), max(float(np.sqrt(without.mean())), EXACT)
     by_block = (np.sqrt(without) - np.sqrt(within)) / scale
     half = stats.t.ppf(0.975, count - 1) * by_block.std(ddof=1) / np.sqrt(count)

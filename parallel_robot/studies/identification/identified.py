@@ -112,12 +112,17 @@ class Prediction:
     @property
     def share(self) -> Array:
         """The errors over the torques, shape (n,)."""
-        return self.error / np.maximum(self.size, 1e-300)
+        return _share(self.error, self.size)
 
     @property
     def share_before(self) -> Array:
         """The same of the nominal robot, shape (n,)."""
-        return self.nominal_error / np.maximum(self.size, 1e-300)
+        return _share(self.nominal_error, self.size)
+
+
+def _share(error: Array, size: Array) -> Array:
+    """Errors over torques; NaN where there are none."""
+    return np.where(size > 0.0, error / np.where(size > 0.0, size, 1.0), np.nan)
 
 
 def nominal_of(log: RunLog) -> Nominal:
@@ -240,10 +245,8 @@ def judge(found: Identified, checked: Prediction, joints: Sequence[str]) -> str:
     Raises:
         BagError: it is no result: most is left, or more than the nominal robot leaves.
     """
-    size = np.maximum(checked.size, 1e-300)
     left, nominal = (
-        float(np.sqrt(np.mean((each / size) ** 2)))
-        for each in (checked.error, checked.nominal_error)
+        float(np.sqrt(np.nanmean(each**2))) for each in (checked.share, checked.share_before)
     )
     cause = _likely_cause(found, joints)
     if left > MOST or (left >= nominal and nominal > SMALL):
@@ -334,8 +337,7 @@ class _Regression(NamedTuple):
 
 def _choice(regression: _Regression) -> Choice:
     """The friction that pays, of all kinds; the usual one where there are few rows."""
-    usual = columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints)
-    begin = regression.with_friction(usual)
+    begin = regression.with_friction(columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints))
     period = regression.motion.period
     search = _Search(begin).run(0.1 * period)
     squares, found = search.squares, search.found
@@ -346,26 +348,40 @@ def _choice(regression: _Regression) -> Choice:
     time = [window.time[[0, -1]] for window in regression.motion.windows()]
     apart = regression_rows.SUPPORT / regression.cutoff
     blocks = Blocks(every.base, found, time[0][0], time[-1][-1], apart)
+    nominal = every.before[len(every.base.inertias) :]
+    known = {
+        each: value for each, value in zip(every.base.friction, nominal, strict=True) if value
+    }
+    speeds = sorted({each.speed for each in known} - {0.0})[-1:]
+    kept = [each for each in known if each.speed in (0.0, *speeds)]
+    usual = Choice(tuple(dict.fromkeys([*regression.base.friction, *kept])), {})
     few = np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names)
     if few or blocks.count < friction_choice.FEWEST:
-        return Choice(regression.base.friction, {})
+        return usual
     values = 0.0 * every.before
     values[: len(begin.base.inertias)] = found.values[: len(begin.base.inertias)]
     for rows in every.rows(At(late, values)):
         blocks.add(rows.first(len(values)))
     choice = blocks.choose(every.before, every.scale)
-    while True:
+    while choice:
         columns = choice.columns
         fit = _fit(regression.with_friction(columns)).fit
         widths = np.abs(fit.values) / (fit.interval * fit.standard_errors)
         doubtful = {
             each
-            for each, width in zip(columns, widths[-len(columns) :], strict=True)
-            if each in choice.saved and width < (SURE if choice.pays(each) else SURER)
+            for each, value, width in zip(
+                columns, fit.values[-len(columns) :], widths[-len(columns) :], strict=True
+            )
+            if each in choice.saved
+            and (
+                width < (SURE if choice.pays(each) else SURER)
+                or (each.kind == 'load' and value < 0.0)  # of which no robot can be built
+            )
         }
         if not doubtful:
             return choice
         choice = choice.without(doubtful)
+    return usual
 
 
 class _Fitted(NamedTuple):
@@ -418,7 +434,7 @@ class _Search:
         self.regression, self.at = regression, at
         kinds = {each.kind for each in regression.base.friction}
         self._fast, self._curved = 'stribeck' in kinds, bool(kinds & {'stribeck', 'load'})
-        speed = float(np.median(regression.motion.speed))
+        speed = friction_choice.typical(regression.motion.speed)
         self._speeds = 0.5 * SPEEDS[0] * speed, 2.0 * SPEEDS[-1] * speed
 
     def run(self, step: float = 0.0) -> _Search:
@@ -435,7 +451,7 @@ class _Search:
             self.found = least_squares.estimate(squares, nominal, self._scale)
             values = self.found.values
             late = period * float(values[-1]) if step else 0.0
-            faster = float(values[count]) if fast else 0.0
+            faster = self._limited(float(values[count])) if fast else 0.0
             new = values[:count] if self._curved else None
             far = abs(late) > 0.01 * period or abs(faster) > CLOSE or not self._near(new)
             if not far or k == ITERATIONS - 1:  # rows, estimate and uncertainty are of one point
@@ -456,14 +472,17 @@ class _Search:
         left = squares.rms(values) - squares.rms(self.at.values)
         return bool(np.abs(left / np.maximum(size, 1e-300)).max() < CLOSE)
 
+    def _limited(self, faster: float) -> float:
+        """Logarithm of a factor of the speed of the Stribeck effect, within bounds."""
+        speed = max(each.speed for each in self.regression.base.friction)
+        return float(
+            np.log(np.clip(speed * np.exp(np.clip(faster, -1, 1)), *self._speeds) / speed)
+        )
+
     def _change_speed(self, faster: float) -> None:
-        """Change the speed of the Stribeck effect by a factor, its logarithm, within bounds."""
-        low, high = self._speeds
-        factor = np.exp(np.clip(faster, -1.0, 1.0))
+        """Change the speed of the Stribeck effect by a factor, its logarithm."""
         self.regression = self.regression.with_friction(
-            each._replace(speed=float(np.clip(factor * each.speed, low, high)))
-            if each.speed
-            else each
+            each._replace(speed=float(np.exp(faster)) * each.speed)
             for each in self.regression.base.friction
         )
 

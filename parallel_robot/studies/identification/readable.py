@@ -13,12 +13,12 @@ from parallel_robot.studies.identification.identified import Delay, Identified, 
 from parallel_robot.studies.identification.least_squares import UNKNOWN
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
-from parallel_robot_model.common.units import rounded
+from parallel_robot_model.common.units import Array, rounded
 from parallel_robot_model.configuration.fields import plain
 
 # kinds of friction for people
 WORDS = {
-    'viscous': 'viscous', 'coulomb': 'dry', 'offset': 'constant', 'stribeck': 'more at rest',
+    'viscous': 'viscous', 'coulomb': 'dry', 'offset': 'constant', 'stribeck': 'Stribeck',
     'load': 'by load',
 }  # fmt: skip
 ROUNDING = 1e-6  # of a sum of masses, what a combination of parameters may leave of it
@@ -36,9 +36,9 @@ def summary(
     if held:
         title += f'; the error is that from {held.rows.time[0]:.3g} s on, which was not fitted'
         for name, shares in (('error, %', held.share), ('before, %', held.share_before)):
-            columns[name] = [f'{100.0 * each:.3g}' for each in shares]
+            columns[name] = [_percent(each) for each in shares]
     if validation:
-        columns['validation, %'] = [f'{100.0 * each:.3g}' for each in validation.share]
+        columns['validation, %'] = [_percent(each) for each in validation.share]
     half = fit.interval * fit.standard_errors
     for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
         unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
@@ -48,7 +48,9 @@ def summary(
     told: list[Part] = [title, Table([*columns], rows), *_mass(found)]
     if speeds := {each.speed for each in found.base.friction} - {0.0}:
         speed = f'{max(speeds):.3g} {units.of("rad/s")}'
-        told.append(f'what is more at rest falls with exp(-(v / ({speed}))^2)')
+        told.append(
+            f'Stribeck: more dry friction at rest (less: below 0), exp(-(v / ({speed}))^2)'
+        )
     if robot.active:
         told.append(_active(robot.misfit))
     told += [f'bound active: {each}' for each in robot.bounds]
@@ -58,6 +60,14 @@ def summary(
             '10 %; to find one that does: identify --design'
         )
     return [*told, 'all parameters and intervals: --all']
+
+
+def _percent(share: float) -> str:
+    return '' if np.isnan(share) else f'{100.0 * share:.3g}'
+
+
+def _known(values: Array) -> list[float | None]:
+    return [None if np.isnan(each) else each for each in values.tolist()]
 
 
 def _active(misfit: float) -> str:
@@ -151,7 +161,7 @@ def held_out(found: Identified, joints: Sequence[str]) -> list[Part]:
         return []
     begin, end = held.rows.time[0], held.rows.time[-1]
     rows = [
-        [name, *(f'{100.0 * each:.3g}' for each in shares)]
+        [name, *map(_percent, shares)]
         for name, shares in (('identified', held.share), ('before', held.share_before))
     ]
     title = f'held out, {begin:.3g} to {end:.3g} s, fitted before: error, % of torque, rms'
@@ -168,8 +178,8 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
         and {
             'from_s': float(held.rows.time[0]),
             'to_s': float(held.rows.time[-1]),
-            'share': held.share.tolist(),
-            'share_before': held.share_before.tolist(),
+            'share': _known(held.share),
+            'share_before': _known(held.share_before),
         },
         'robot_model': found.nominal.robot.name,
         'duration_s': found.squares.duration,
