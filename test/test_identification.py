@@ -230,7 +230,7 @@ def test_friction_that_pays_is_found_and_no_other(excited):
 
 
 def test_friction_of_the_configuration_stays_and_no_gear_drives(excited):
-    """A small offset that is known; a load that would be negative; half of the torque told late."""
+    """A small offset that is known; a load that would be negative; too short a motion."""
     friction = excited.nominal.friction._replace(offset=(0.01, 0.0, 0.0))
     case = SimpleNamespace(nominal=replace(excited.nominal, friction=friction))
     rng, sign = np.random.default_rng(7), np.sign(excited.run.velocity[:, 1])
