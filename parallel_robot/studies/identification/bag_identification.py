@@ -113,9 +113,11 @@ class Identification(ShownResult):
                     torque = np.concatenate([torque[: len(rows.time)], held.torque])
                     rows = joined([rows, held.rows])
                 units = self.found.nominal.robot.joint_units
-                measured = np.where(rows.known, rows.torque, np.nan)
+                measured, predicted = (
+                    np.where(rows.known, each, np.nan) for each in (rows.torque, torque)
+                )
                 figures.draw_prediction(
-                    rows.time, self.joints, measured, torque, figure, units, begin
+                    rows.time, self.joints, measured, predicted, figure, units, begin
                 )
 
 
