@@ -163,20 +163,20 @@ def identify(
     split = next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration
     begin = whole._replace(motion=Begin(motion, split)) if hold_out else whole
     try:
-        choice = _choice(begin)
+        choice, fitted = _choice(begin)
     except BagError:
         if not hold_out:
             raise
-        begin, choice = whole, _choice(whole)  # too little of the motion is before that
+        begin = whole  # too little of the motion is before that
+        choice, fitted = _choice(whole)
     if begin is not whole:
-        fitted = _fit(begin.with_friction(choice.columns))
         robot = fitted.robot(bounds)
         after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
         of_whole = fitted.regression._replace(motion=motion)
         parts = [part.of(part.time > after) for part in of_whole.predicted(fitted.delay, robot)]
         known = [part for part in parts if part.known.any()]
         held_out = _compared(robot.values, of_whole.before, known) if known else None
-    fitted = _fit(whole.with_friction(choice.columns))
+        fitted = _fit(whole.with_friction(choice.columns))
     fit, scale, before = fitted.fit, fitted.regression.scale, fitted.regression.before
     # A size that was believed to be small is that of the estimate.
     names = fitted.regression.base.names
@@ -335,8 +335,8 @@ class _Regression(NamedTuple):
         return (rows.first(len(robot.values)) for rows in self.rows(at))
 
 
-def _choice(regression: _Regression) -> Choice:
-    """The friction that pays, of all kinds; the usual one where there are few rows."""
+def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
+    """The friction that pays, of all kinds, or the usual one where there are few rows; its fit."""
     begin = regression.with_friction(columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints))
     period = regression.motion.period
     search = _Search(begin).run(0.1 * period)
@@ -349,23 +349,22 @@ def _choice(regression: _Regression) -> Choice:
     apart = regression_rows.SUPPORT / regression.cutoff
     blocks = Blocks(every.base, found, time[0][0], time[-1][-1], apart)
     nominal = every.before[len(every.base.inertias) :]
-    known = {
-        each: value for each, value in zip(every.base.friction, nominal, strict=True) if value
-    }
+    known = [each for each, value in zip(every.base.friction, nominal, strict=True) if value]
     speeds = sorted({each.speed for each in known} - {0.0})[-1:]
     kept = [each for each in known if each.speed in (0.0, *speeds)]
     usual = Choice(tuple(dict.fromkeys([*regression.base.friction, *kept])), {})
     few = np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names)
     if few or blocks.count < friction_choice.FEWEST:
-        return usual
+        return usual, _fit(regression.with_friction(usual.columns))
     values = 0.0 * every.before
     values[: len(begin.base.inertias)] = found.values[: len(begin.base.inertias)]
     for rows in every.rows(At(late, values)):
         blocks.add(rows.first(len(values)))
-    choice = blocks.choose(every.before, every.scale)
-    while choice:
+    choice = blocks.choose(every.before, every.scale) or usual
+    while True:
         columns = choice.columns
-        fit = _fit(regression.with_friction(columns)).fit
+        fitted = _fit(regression.with_friction(columns))
+        fit = fitted.fit
         widths = np.abs(fit.values) / (fit.interval * fit.standard_errors)
         doubtful = {
             each
@@ -379,9 +378,8 @@ def _choice(regression: _Regression) -> Choice:
             )
         }
         if not doubtful:
-            return choice
+            return choice, fitted
         choice = choice.without(doubtful)
-    return usual
 
 
 class _Fitted(NamedTuple):
