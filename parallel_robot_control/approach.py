@@ -31,12 +31,13 @@ class ApproachParameters(NamedTuple):
 
 GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back
 ENDED = -1.0  # s, time since the begin where there is no approach
-OFFSET, RATE, ELAPSED, LENGTH, BRAKING = range(5)  # rows in the memory of the cycle
+OFFSET, RATE, ELAPSED, LENGTH, BRAKING, AT_ONCE = range(6)  # rows in the memory of the cycle
 SHORTEST = 0.02  # s, of the time over which a rate is faded
-SLOW, DRIFT = 1e-6, 0.005  # rad/s; rad, five times by which a rate may go on at the least
+SLOW, DRIFT = 1e-6, 0.0085  # rad/s; rad, 6.7 times by which a rate may go on at the least
 SHARE = 0.3  # of the way back: shortest time for an offset, longest for a rate
 GENTLE = 2.0  # times as long as a small offset would need
-BENT, BRAKED = 5.774, 3.943  # largest acceleration times T^2 / e, and times B / e'
+BENT, BRAKED = 5.774, 3.527  # largest acceleration times T^2 / e, and times B / e'
+ABRUPT = 3.0  # acceleration with which a way back begins to brake, times B / e'
 
 
 @inner
@@ -52,6 +53,7 @@ def _begin(
     row, zero = cycle_memory.APPROACH, np.zeros_like(position)
     e, v = position - reference.position, velocity - reference.velocity
     duration = braking = parameters.duration
+    at_once = 0.0
     if begins == BACK:
         fast, most = parameters.acceleration, parameters.way_back
         bent = math.sqrt(BENT * largest(e) / fast)
@@ -61,10 +63,12 @@ def _begin(
         speed = largest(v) + SLOW
         bent, drifts = BRAKED * speed / fast, DRIFT / speed
         braking = clip(select(drifts > bent, drifts, bent), SHORTEST, SHARE * most)
+        at_once = ABRUPT
     write_at(memory, row + OFFSET, e)
     write_at(memory, row + RATE, v)
     write_at(memory, row + LENGTH, zero + duration)
     write_at(memory, row + BRAKING, zero + braking)
+    write_at(memory, row + AT_ONCE, zero + at_once)
 
 
 @inner
@@ -81,15 +85,18 @@ def approached(
 
     With e and e' the offsets at the first state, x = t / T and y = t / B, it is added
 
-        e (1 - 10 x^3 + 15 x^4 - 6 x^5) + e' B (y - 6 y^3 + 8 y^4 - 3 y^5),
+        e (1 - 10 x^3 + 15 x^4 - 6 x^5)
+        + e' B (y - 6 y^3 + 8 y^4 - 3 y^5 - a / 2 y^2 (1 - 3 y + 3 y^2 - y^3)),
 
     quintics that end with zero position, rate and acceleration at x = 1 and y = 1. At a start
-    B = T. On a way back T is longer for a large offset, and B is only as long as the acceleration
-    asks for, since the robot goes on by 0.2 e' B before it turns.
+    B = T and a = 0. On a way back T is longer for a large offset, and B is only as long as the
+    acceleration asks for, since the robot goes on by 0.15 e' B before it turns. There a = 3: it
+    brakes at once, by -3 e' / B, since the torque goes on from what acts anyhow; with a = 0 it
+    would brake harder later, and go farther.
 
     Args:
         parameters: T at a start and on a way back; with 0, the reference stays as it is.
-        memory: Address of the memory of the cycle, which has e, e', t, T and B.
+        memory: Address of the memory of the cycle, which has e, e', t, T, B and a.
         begins: Whether an approach begins: GOES_ON, START or BACK.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
@@ -121,9 +128,12 @@ def approached(
     per_time = 1.0 / braking
     x = select(t < braking, t * per_time, 1.0)
     xx = x * x
-    turn = braking * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)))
-    turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x))
-    turn_acceleration = -x * (36.0 - x * (96.0 - 60.0 * x)) * per_time
+    y = 1.0 - x
+    a = read_at(memory, row + AT_ONCE, position)[0]
+    turn = braking * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)) - 0.5 * a * x * y * y * y)
+    turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x)) - a * x * y * y * (1.0 - 2.5 * x)
+    bends = x * (36.0 - x * (96.0 - 60.0 * x)) + a * y * (1.0 - x * (8.0 - 10.0 * x))
+    turn_acceleration = -bends * per_time
     return JointReference(
         reference.position + (e * left + v * turn),
         reference.velocity + (e * left_rate + v * turn_rate),

@@ -35,8 +35,8 @@ def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     return np.array(rows)
 
 
-def quintic(duration, offset, rate):
-    """Coefficients of the polynomials with offsets at 0 and nothing at the end, by joints."""
+def quintic(duration, offset, rate, bent):
+    """Coefficients of the polynomials with such a begin and nothing at the end, by joints."""
     powers = np.arange(6)
 
     def rows(t):
@@ -45,13 +45,14 @@ def quintic(duration, offset, rate):
         yield powers * (powers - 1) * t ** np.maximum(powers - 2, 0)
 
     ends = np.array([*rows(0.0), *rows(duration)])
-    return np.linalg.solve(ends, [offset, rate, 0 * rate, 0 * rate, 0 * rate, 0 * rate])
+    return np.linalg.solve(ends, [offset, rate, bent, 0 * rate, 0 * rate, 0 * rate])
 
 
-def faded(duration, offset, rate, count=130):
-    """An offset and a rate faded over a duration, at each sample."""
+def faded(duration, offset, rate, count=130, at_once=0.0):
+    """An offset and a rate faded over a duration, at each sample; braked at once or gently."""
     t = np.minimum(DT * np.arange(count), duration)[:, np.newaxis]
-    return sum(c * t**k for k, c in enumerate(quintic(duration, offset, rate)))
+    bent = -at_once * rate / duration
+    return sum(c * t**k for k, c in enumerate(quintic(duration, offset, rate, bent)))
 
 
 def test_the_offset_is_faded_by_the_quintic():
@@ -63,11 +64,13 @@ def test_the_offset_is_faded_by_the_quintic():
 
 
 def test_on_a_way_back_the_rate_is_braked_with_the_acceleration_that_is_given():
-    found = courses(0.0, 230, BACK, 0.2, 40.0)[:, 0]
-    braking = 3.943 * 0.4 / 40.0
-    turned = faded(braking, 0 * OFFSET, RATE, 230)
+    found = courses(0.0, 230, BACK, 0.2, 40.0)
+    braking = 3.527 * 0.4 / 40.0
+    turned = faded(braking, 0 * OFFSET, RATE, 230, at_once=3.0)
     gentle = 2.0 * np.sqrt(5.774 * 0.05 / 40.0)  # s, for a small offset
-    assert np.allclose(found, faded(gentle, OFFSET, 0 * RATE, 230) + turned, atol=1e-12)
+    assert np.allclose(found[:, 0], faded(gentle, OFFSET, 0 * RATE, 230) + turned, atol=1e-12)
+    assert np.allclose(np.gradient(found[:, 0], DT, axis=0)[1:-1], found[1:-1, 1], atol=2e-2)
+    assert np.allclose(np.gradient(found[:, 1], DT, axis=0)[1:30], found[1:30, 2], atol=1.0)
     assert np.abs(np.diff(turned, 2, axis=0)).max() / DT**2 == pytest.approx(40.0, rel=0.01)
     far = courses(0.0, 130, BACK, 0.01, 40.0)[:, 0]
     assert not far[round(np.sqrt(5.774 * 0.05 / 40.0) / DT) + 1 :].any() and far[80].any()

@@ -25,7 +25,7 @@ WAYS = ADDED + 1  # row where those of checks.py begin
 OF_WAYS = 6
 MOMENTUM = WAYS + OF_WAYS  # and those of checks.py
 APPROACH = MOMENTUM + 5  # of approach.py
-LEVELS = APPROACH + 5  # and of kalman.py
+LEVELS = APPROACH + 6  # and of kalman.py
 ROWS = LEVELS + 3
 
 
