@@ -295,7 +295,8 @@ def section(found: Sequence[Cell], laws: Sequence[str]) -> str:
     for what, group in itertools.groupby(wrong, key=lambda pair: pair[0].what):
         some, texts = zip(*group, strict=True)
         names = ', '.join(f'`{law}`' for law in dict.fromkeys(cell.law for cell in some))
-        lines.append(f'- `{what}`, {len(some)} runs of {names}: {page.joined(texts)}')
+        told = '; '.join(page.joined(texts, page.NUMBER))
+        lines.append(f'- `{what}`, {len(some)} runs of {names}: {told}')
     return '\n'.join(lines)
 
 
