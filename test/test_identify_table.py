@@ -143,9 +143,45 @@ def test_torque_constants_of_python(told, columns):
     told('t [s],q1 [rad],q2 [rad],i1 [A],i2 [mA]', [time, position, effort * [-0.5, -500.0]])
     found = pr.identify('x.csv', scenario=SCENARIO, torque_constant=-2.0)
     assert found.found.fit.values[:4] == pytest.approx(TRUE, rel=1e-3)
+    assert found.constants is None
+    found = pr.identify('x.csv', scenario=SCENARIO, torque_constant=(-2.0, 'auto'))
+    assert found.constants.values == pytest.approx([-2.0, -2.0], rel=1e-3)
     for wrong, line in (('x', 'torque_constant must be numbers'), ([2, 0], 'finite number but 0')):
         with pytest.raises(pr.InputError, match=line):
             pr.identify('x.csv', scenario=SCENARIO, torque_constant=wrong)
+
+
+OF_CURRENTS = 't [s],q1 [rad],q2 [rad],i1 [A],i2 [A]'
+
+
+@pytest.mark.parametrize(
+    ('given', 'robot', 'true'),
+    [
+        ('-0.5,auto', [], [-0.5, 4.0]),
+        ('auto,4', [], [-0.5, 4.0]),
+        ('auto', ['--set', 'robot.m1=3.5', '--set', 'robot.mp=1.2'], [-0.5, 4.0]),
+    ],
+)
+def test_torque_constants_are_found(given, robot, true, told, columns):
+    """With noise of a percent; that of another joint is known, or the bodies."""
+    time, position, effort = columns
+    rng = np.random.default_rng(5)
+    current = (effort + 0.01 * effort.std(axis=0) * rng.normal(size=effort.shape)) / true
+    words = [f'--torque-constant={given}', *robot]
+    code, _, found = told(OF_CURRENTS, [time, position, current], *words)
+    assert code == 0 and estimates(found)[:4] == pytest.approx(TRUE, rel=0.02)
+    for each, constant in zip(found['torque_constants'], true, strict=True):
+        assert each['value'] == pytest.approx(constant, rel=0.01)
+        assert abs(each['value'] - constant) <= max(each['half_width'], 0.005 * abs(constant))
+    assert sum(each['half_width'] == 0.0 for each in found['torque_constants']) == 1
+
+
+def test_a_joint_that_stands_still_does_not_tell_its_torque_constant(told, columns):
+    time, position, effort = columns
+    position = position * [1.0, 0.0]
+    words = ['--torque-constant', '1,auto']
+    _, error, _ = told(OF_CURRENTS, [time, position, effort], *words)
+    assert 'hardly tells the torque constant of elbow: give it by --torque-constant' in error
 
 
 def test_parquet_with_dates(columns, tmp_path):

@@ -61,8 +61,8 @@ class BagView(NamedTuple):
     start: float | None = None
     stop: float | None = None  # time up to which they are looked at [s]; None: to the last one
     whole: bool = False  # whether the others are read, too
-    # of the motors of a table of currents, the gear ratio in it [N m/A]
-    torque_constant: tuple[float, ...] = ()
+    # of the motors of a table of currents, the gear ratio in it [N m/A]; None: to be found
+    torque_constant: tuple[float | None, ...] = ()
 
     def of(self, configured: bool) -> BagView:
         """How a bag with a configuration, or without one, is read."""

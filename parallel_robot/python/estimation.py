@@ -8,7 +8,7 @@ from typing import Any, Literal, overload
 
 from parallel_robot.analysis.report.figures import check_new
 from parallel_robot.bags import output
-from parallel_robot.bags.run import recorded_robot
+from parallel_robot.bags.run import joint_table, recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration
 from parallel_robot.studies.calibration.bag_calibration import Calibration
@@ -161,7 +161,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
-    torque_constant: float | Iterable[float] = (),
+    torque_constant: float | str | Iterable[float | str] = (),
     **options: Any,
 ) -> Identification: ...
 @overload
@@ -186,7 +186,7 @@ def identify(
     cutoff: float | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     hold_out: float | None = None,
-    torque_constant: float | Iterable[float] = (),
+    torque_constant: float | str | Iterable[float | str] = (),
     design: Place | None = None,
     trials: int | None = None,
     seed: int | None = None,
@@ -213,7 +213,7 @@ def identify(
         hold_out: Share of the time, at the end, on which a fit to what is before it is judged;
             default: a third.
         torque_constant: Of the motors, the gear ratio in it [N m/A], where a table has currents:
-            one number, or one for each joint.
+            one number, or one for each joint; ``'auto'``: to be found.
         design: Scenario with an exciting motion of which better coefficients are searched for: in
             place of a bag.
         trials: Number of motions to try for it; default: 2500.
@@ -265,8 +265,17 @@ def identify(
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
     if mode == bag_identification.REST:
         return bag_identification.at_rest(place, view)
-    view = view._replace(torque_constant=arguments.numbers('torque_constant', torque_constant))
+    view = view._replace(torque_constant=_constants(torque_constant))
     share = bag_identification.HOLD_OUT if hold_out is None else hold_out
     found = bag_identification.identify(place, second, cutoff, view, bounds, share)
     found.write(robot, picture)
     return found
+
+
+def _constants(given: float | str | Iterable[float | str]) -> tuple[float | None, ...]:
+    """Torque constants, None for those that are to be found."""
+    several = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
+    return tuple(
+        None if each == joint_table.AUTO else arguments.numbers('torque_constant', each)[0]
+        for each in several
+    )

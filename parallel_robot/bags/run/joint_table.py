@@ -28,6 +28,7 @@ SUFFIXES = ('.csv', '.txt', '.tsv', '.dat', PARQUET)
 TIME, POSITION, VELOCITY, EFFORT, CURRENT = 't', 'q', 'dq', 'tau', 'i'
 ALWAYS = TIME, POSITION, VELOCITY
 PERIOD = 'period'  # key of the configuration
+AUTO = 'auto'  # a torque constant that is to be found
 WORDS = {each: each for each in (POSITION, VELOCITY, EFFORT, CURRENT)} | {
     'position': POSITION, 'velocity': VELOCITY, 'effort': EFFORT, 'torque': EFFORT,
     'current': CURRENT,
@@ -87,20 +88,24 @@ def read(path: Path, view: BagView) -> Bag[list[Samples]]:
     Args:
         path: The file. Its header is such as EXAMPLE, with numbers of the joints or their names,
             or what ``export`` writes. One without times has rows at the period of the view.
-        view: Of which robot it is, and the torque constants of its motors.
+        view: Of which robot it is, and the torque constants of its motors: where one is to be
+            found, its currents stand in the place of torques.
 
     Raises:
         InputError: it cannot be read, or its columns are not those of the robot.
     """
     values, loop, _ = experiment.configuration(path, {}, {}, view)
-    joints, constant = loop.joints, np.array(view.torque_constant)
+    joints = loop.joints
+    constant = np.array(view.torque_constant, float)
+    if None in view.torque_constant:
+        constant = np.ones_like(constant)
     file = (_parquet if path.suffix.lower() == PARQUET else _text)(path)
     columns = _columns(file, joints, units_of(values), PERIOD in view.values)
     if constant.size and (CURRENT, 0) not in columns:
         raise InputError(f'{path}: --torque-constant needs currents, columns as i1 [A]')
     usable = np.isfinite(constant).all() and constant.all()
     if constant.size not in (0, 1, len(joints)) or not usable:
-        what = f'one finite number but 0, or one for each of {len(joints)} joints'
+        what = f'one finite number but 0, or {AUTO}, or one for each of {len(joints)} joints'
         raise InputError(f'--torque-constant must be {what}, not {constant.tolist()}')
     motor = CURRENT if constant.size else EFFORT
     used = {which: columns[which] for which in sorted(columns) if which[0] in (*ALWAYS, motor)}

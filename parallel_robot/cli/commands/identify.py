@@ -76,7 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=_constants,
         metavar='A,B,C',
         help='of a table with currents, i1 [A] ..., in place of torques: one for all joints, or '
-        'one for each [N m/A], the gear ratio in it',
+        f'one for each [N m/A], the gear ratio in it; {joint_table.AUTO}: to be found',
     )
     parser.add_argument(
         '--design',
@@ -126,9 +126,9 @@ def execute(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _constants(text: str) -> tuple[float, ...]:
-    """Numbers with commas between them."""
-    return tuple(map(number, text.split(',')))
+def _constants(text: str) -> tuple[float | None, ...]:
+    """Numbers, or AUTO, with commas between them."""
+    return tuple(None if each == joint_table.AUTO else number(each) for each in text.split(','))
 
 
 def _design(arguments: argparse.Namespace) -> int:

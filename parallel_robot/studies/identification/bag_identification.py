@@ -28,6 +28,7 @@ from parallel_robot.studies.identification.regression_rows import (
     highest_cutoff,
     joined,
 )
+from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part, ShownResult
@@ -51,6 +52,7 @@ class Identification(ShownResult):
     validated: bool  # whether there is
     rest: Rest | None  # noise of the sensors; None if the robot never rests
     lag: MotorLag | None  # that of the motors; None if commands or efforts do not tell it
+    constants: TorqueConstants | None  # torque constants that were found, if any were asked for
     warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
     @property
@@ -67,6 +69,7 @@ class Identification(ShownResult):
         """What its owner asks first."""
         return [
             *readable.summary(self.found, self.joints, self.checked if self.validated else None),
+            *self._of_constants(),
             *(self.lag.parts() if self.lag else []),
             *(self.rest.parts() if self.rest else []),
         ]
@@ -80,14 +83,19 @@ class Identification(ShownResult):
             *readable.held_out(self.found, self.joints),
             *readable.parts(self.found),
             readable.prediction(title, self.checked, self.joints),
+            *self._of_constants(),
             *(self.lag.parts() if self.lag else []),
             *(self.rest.parts() if self.rest else [motor_lag.NO_REST]),
         ]
 
+    def _of_constants(self) -> list[Part]:
+        units = self.found.nominal.robot.joint_units
+        return self.constants.parts(units) if self.constants else []
+
     def as_data(self) -> dict[str, Any]:
         """The results as plain data, as ``--format json`` has them."""
         data = readable.as_data(self.found, self.checked, self.joints)
-        found = {'rest': self.rest, 'motor_lag': self.lag}
+        found = {'rest': self.rest, 'motor_lag': self.lag, 'torque_constants': self.constants}
         return data | {name: each.as_data() if each else None for name, each in found.items()}
 
     def write(self, out: Path | None, figure: Path | None) -> None:
@@ -170,15 +178,27 @@ def identify(
         raise InputError(f'--validate needs another bag than {bag}, or FROM:TO, a part of it')
     first = _looked_through(bag, view)
     nominal = identified.nominal_of(first.log)
+    if cutoff is None:
+        cutoff = min(CUTOFF, highest_cutoff(first.motion))
     warnings: list[str] = []
-    second = None
+    constants, second = None, None
+    if None in view.torque_constant:
+        joints = first.log.joints
+        given = np.broadcast_to(np.array(view.torque_constant, float), len(joints))
+        with _naming(bag):
+            constants = identified.find_torque_constants(
+                nominal, first.motion, cutoff, joints, given, hold_out
+            )
+        values = tuple(constants.values.tolist())
+        view = view._replace(torque_constant=values)
+        window = window and window._replace(torque_constant=values)
+        first = _looked_through(bag, view)
+        warnings += [f'{bag}: {constants.doubt}'] if constants.doubt else []
     if validate:
         second = _looked_through(validate, window or view._replace(start=None, stop=None))
         identified.check_same_robot(first.log, second.log)
         warnings += second.warnings
     warnings += first.warnings
-    if cutoff is None:
-        cutoff = min(CUTOFF, highest_cutoff(first.motion))
     unsure = first.log.joints_differ.text or _untold(first.log)
     with _naming(bag, unsure):
         found = identified.identify(nominal, first.motion, cutoff, bounds, hold_out)
@@ -204,6 +224,7 @@ def identify(
         second is not None,
         first.rest,
         first.lag,
+        constants,
         tuple(warnings),
     )
 

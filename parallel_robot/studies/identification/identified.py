@@ -16,6 +16,7 @@ from parallel_robot.studies.identification import (
     least_squares,
     physical_robot,
     regression_rows,
+    torque_constants,
 )
 from parallel_robot.studies.identification.base_parameters import (
     ALWAYS,
@@ -34,6 +35,7 @@ from parallel_robot.studies.identification.least_squares import (
 from parallel_robot.studies.identification.measured_motion import Begin, Motion
 from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import NOWHERE, At, Rows, SomeRows
+from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
@@ -160,7 +162,7 @@ def identify(
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     whole, held_out = _Regression(nominal, base, motion, cutoff), None
-    split = next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration
+    split = _split(motion, hold_out)
     begin = whole._replace(motion=Begin(motion, split)) if hold_out else whole
     try:
         choice, fitted = _choice(begin)
@@ -195,6 +197,45 @@ def identify(
         motion.period,
         held_out,
         choice,
+    )
+
+
+def _split(motion: Motion, hold_out: float) -> float:
+    """Where the part of a motion begins that is held out [s]."""
+    return float(next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration)
+
+
+def find_torque_constants(
+    nominal: Nominal,
+    motion: Motion,
+    cutoff: float,
+    joints: Sequence[str],
+    given: Array,
+    hold_out: float = 0.0,
+) -> TorqueConstants:
+    """Find torque constants of motors.
+
+    Args:
+        nominal: The nominal robot.
+        motion: Its motion, with currents [A] in place of torques.
+        cutoff: Bandwidth of the regression [Hz].
+        joints: Names of the joints.
+        given: Those that are known [N m/A], shape (n,); NaN for the others.
+        hold_out: Share of the time, at the end, that is not used.
+
+    Raises:
+        InputError: the robot has no linear model, or the cut-off frequency does not fit.
+        BagError: too little of the recording can be used, or a sample has no pose.
+    """
+    base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
+    speed = SPEEDS[len(SPEEDS) // 2] * friction_choice.typical(motion.speed)
+    columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)
+    base = base.with_friction([*columns, *columns_of(['stribeck'], base.joints, speed)])
+    begin = Begin(motion, _split(motion, hold_out)) if hold_out else motion
+    regression = _Regression(nominal, base, begin, cutoff)
+    bodies = regression.before[: len(base.inertias)]
+    return torque_constants.find(
+        joints, lambda: regression.rows(NOWHERE), bodies, regression.scale, given
     )
 
 

@@ -84,13 +84,13 @@ def _mass(found: Identified) -> list[str]:
     bodies = model.bodies(parameters)
     if 'mass' not in bodies.known:
         return []
-    row = bodies.known['mass'].rows(0.0, np.inf)[0, :-1]
-    now = model.bodies(parameters._replace(**found.robot.robot)).numbers
+    chosen = model.bodies(parameters._replace(**found.robot.robot))  # without a payload of zero
+    row, own = (each.known['mass'].rows(0.0, np.inf)[0, :-1] for each in (bodies, chosen))
     shown = (found.base.K @ bodies.linear).T
     left = row - shown @ np.linalg.lstsq(shown, row, rcond=None)[0]
     told = np.abs(left).max() < ROUNDING * np.abs(row).max()
     doubt = '' if told else '; torques do not tell it, --bounds mass=LOW:HIGH does'
-    return [f'mass {row @ now:.4g} kg in all, {row @ bodies.numbers:.4g} before{doubt}']
+    return [f'mass {own @ chosen.numbers:.4g} kg in all, {row @ bodies.numbers:.4g} before{doubt}']
 
 
 def parts(found: Identified) -> list[Part]:
