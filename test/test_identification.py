@@ -229,6 +229,20 @@ def test_friction_that_pays_is_found_and_no_other(excited):
     assert written['friction.load'][0] == 0.0 and written['friction.stribeck'][:2] == [0.0, 0.0]
 
 
+@pytest.mark.parametrize('seed', range(3))
+def test_intervals_allow_for_friction_that_does_not_pay(seed):
+    """Gravity of the first joint looks like the constant torque that is left out."""
+    words = {'trajectory.shape': 'excitation'}
+    case = motion('serial_2r_circle', **words, **{'friction.offset': [0.1, 0.0]})
+    offset = case.nominal.friction._replace(offset=(0.0, 0.0))
+    case.nominal = replace(case.nominal, friction=offset)
+    found = identify(case, noisy(case, np.random.default_rng(seed), 5e-5, 0.5))
+    assert 'offset1' not in found.base.names
+    w = [*found.base.names].index('w')
+    error, alone = abs(found.fit.values[w] - 1.5), found.fit.standard_errors[w]
+    assert 5.0 * alone < error < found.fit.interval[w] * alone < 0.03
+
+
 def test_friction_of_the_configuration_stays_and_no_gear_drives(excited):
     """A small offset that is known; a load that would be negative; too short a motion."""
     friction = excited.nominal.friction._replace(offset=(0.01, 0.0, 0.0))

@@ -179,6 +179,7 @@ def identify(
         known = [part for part in parts if part.known.any()]
         held_out = _compared(robot.values, of_whole.before, known) if known else None
         fitted = _fit(whole.with_friction(choice.columns))
+    fitted = _allowing_for_left_out(fitted)
     fit, scale, before = fitted.fit, fitted.regression.scale, fitted.regression.before
     # A size that was believed to be small is that of the estimate.
     names = fitted.regression.base.names
@@ -460,6 +461,37 @@ def _fit(regression: _Regression) -> _Fitted:
         interval=fit.interval[:count],
     )
     return _Fitted(found.regression, found.squares.first(count), rows.first(count), kept, delay)
+
+
+def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
+    """The fit with intervals that allow for the kinds of friction that did not pay.
+
+    A fit that has them tells what they are, and by how much the others move without them: that
+    is added to their standard errors. Where a constant torque looks like gravity it does not pay,
+    but gravity has it, and would be too sure (Leeb, Poetscher 2005, Model selection and inference:
+    facts and fiction, Econometric Theory 21(1)).
+    """
+    regression, fit = fitted.regression, fitted.fit
+    base, chosen = regression.base, len(fit.values)
+    usual = SPEEDS[len(SPEEDS) // 2] * friction_choice.typical(regression.motion.speed)
+    speed = max(each.speed for each in base.friction) or usual
+    every = columns_of([*FRICTION][ALWAYS:], base.joints, speed)
+    every = [each if each.kind == 'stribeck' else each._replace(speed=0.0) for each in every]
+    left_out = [each for each in every if each not in base.friction]
+    whole = regression.with_friction([*base.friction, *left_out])
+    scale = whole.scale
+    if np.trace(fitted.squares.together) < regression_rows.FEWEST * len(scale):
+        return fitted
+    values = np.append(fit.values, np.zeros(len(left_out)))
+    at = At(fitted.delay.value if fitted.delay.counts else 0.0, values)
+    squares = least_squares.squares_of(rows.first(len(scale)) for rows in whole.rows(at))
+    of_all = least_squares.estimate(squares, whole.before, scale)
+    Y = np.linalg.cholesky(of_all.weight).T @ squares.Y
+    seen = (Y[..., chosen:] @ of_all.values[chosen:]).ravel()
+    of_chosen = (Y[..., :chosen] * scale[:chosen]).reshape(-1, chosen)
+    moved = np.linalg.lstsq(of_chosen, seen, rcond=None)[0] * scale[:chosen]
+    wider = np.sqrt(1.0 + moved**2 / np.maximum(np.diag(fit.covariance), 1e-300)).round(6)
+    return fitted._replace(fit=replace(fit, interval=fit.interval * wider))
 
 
 class _Search:

@@ -43,7 +43,7 @@ def summary(
     for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
         unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
         column = columns.setdefault(units.label(WORDS[kind] + unit), [''] * len(joints))
-        column[joint] = f'{fit.values[k]:.3g} +- {half[k]:.1g}'
+        column[joint] = f'{fit.values[k]:.3g} +- {float(f"{half[k]:.1g}"):g}'  # 10, not 1e+01
     rows = [[each[k] for each in columns.values()] for k in range(len(joints))]
     told: list[Part] = [title, Table([*columns], rows), *_mass(found)]
     if speeds := {each.speed for each in found.base.friction} - {0.0}:
