@@ -133,6 +133,45 @@ def test_what_moves_nothing_is_no_parameter(scenario, unseen):
     assert np.linalg.cond(torques.reshape(-1, torques.shape[-1])[:, base.kept]) < 1e9
 
 
+def test_axes_that_digits_turn_from_parallel_are_parallel(tmp_path):
+    """Of a parallelogram with a slide: 1.5708 in place of a right angle is no new parameter."""
+    mass = '<mass value="1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/>'
+    joints = [
+        ('yaw', 'base', 'revolute', '0 0 0', '{0} -{0} 0', ''),
+        ('pitch', 'yaw', 'revolute', '0 0 0', '-{0} -{0} 0', ''),
+        (
+            'front',
+            'pitch',
+            'revolute',
+            '.04 .14 0',
+            '0 0 0',
+            '<mimic joint="jpitch" multiplier="-1"/>',
+        ),
+        ('bottom', 'front', 'revolute', '-.5 0 0', '0 0 0', '<mimic joint="jpitch"/>'),
+        ('tool', 'bottom', 'prismatic', '.04 -.3 0', '-{0} 0 0', ''),
+        ('weight', 'pitch', 'prismatic', '.04 0 0', '-{0} 0 0', '<mimic joint="jtool"/>'),
+    ]
+    kept = []
+    for right in (repr(np.pi / 2), '1.5708'):
+        file = tmp_path / f'robot{len(right)}.urdf'
+        file.write_text(
+            '<robot name="leveller"><link name="base"/>'
+            + ''.join(
+                f'<link name="{name}"><inertial>{mass}</inertial></link>'
+                f'<joint name="j{name}" type="{kind}"><parent link="{parent}"/>'
+                f'<child link="{name}"/><origin xyz="{place}" rpy="{turned.format(right)}"/>'
+                '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="99" velocity="9"/>'
+                f'{follows}</joint>'
+                for name, parent, kind, place, turned, follows in joints
+            )
+            + '</robot>'
+        )
+        robot = robot_of(resolve(str(file)))
+        positions = 0.3 * np.random.default_rng(5).normal(size=(400, 3))
+        kept.append(base_parameters.find(robot, [positions], 400, np.zeros(3)).kept)
+    assert kept[0] == kept[1] and 10 < len(kept[0]) < 20
+
+
 def test_a_motion_is_designed_for_a_machine(tmp_path, capsys):
     out = tmp_path / 'motion.yaml'
     words = ['identify', '--design', 'five_bar_circle', '--trials', 3, '--out', out]
