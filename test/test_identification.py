@@ -493,6 +493,7 @@ def test_a_gap_separates_two_stretches(excited):
         ('joints', 'units', 'time')
     }  # fmt: skip
     found = motion_of(log_of(excited, **parts), (), LIMIT)
+    assert found.left_out == ('0.601 s: a gap between states',)
     pieces = [part.time for part in measured_motion.stretches(found, 100)]
     assert [len(time) for time in pieces] == [7000, 7401]
     assert [time[0] for time in pieces] == [0.0, 7.6]

@@ -114,6 +114,24 @@ def test_the_example_of_the_guide(told, columns, tmp_path, capsys):
     assert found['robot.mp'] > 1.05  # that of the scenario: 1
 
 
+def test_velocities_are_told_where_there_are_some(told, columns):
+    time, position, effort = columns
+    velocity = np.gradient(position, time, axis=0)
+    line = 'not used: velocities, but for the noise at rest'
+    assert line not in told(HEADER, [time, position, effort])[1]
+    header = f'{HEADER}, dq1 [rad/s], dq2 [rad/s]'
+    assert line in told(header, [time, position, effort, velocity])[1]
+
+
+def test_a_joint_whose_torques_are_others_is_named(told, columns):
+    time, position, effort = columns
+    effort = effort.copy()
+    effort[:, 1] = effort[::-1, 1]
+    code, error, _ = told(HEADER, [time, position, effort])
+    assert code == 2 and error.count('\n') == 1
+    assert re.search(r'left \(\d+ % of elbow, less than 50 % of the others\), ', error)
+
+
 def test_stamps_of_their_own_and_empty_cells(told, columns):
     """Of rows at irregular times, some without a number."""
     time, position, effort = (each.copy() for each in columns)

@@ -268,9 +268,12 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
 
     def look(windows: Iterator[RunLog]) -> _LookedThrough:
         told, still, stretch = AlikeLines(), Resting(run.period), LongestStretch(run.period)
+        velocities = False
 
         def seen() -> Iterator[RunLog]:
+            nonlocal velocities
             for log in windows:
+                velocities |= bool(len(log.velocity)) and log.has_velocities
                 told.take(bag, log)
                 if log.efforts_differ.grave:
                     raise BagError(f'torques are needed: {log.efforts_differ.text}')
@@ -284,7 +287,7 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
             line if line.startswith(str(bag)) else f'{bag}: not used: {line}'
             for line in (*told.lines, *motion.left_out)
         ]
-        if joint_table.is_table(bag) and run.log.has_velocities:
+        if velocities and joint_table.is_table(bag):
             warnings.append(f'{bag}: not used: velocities, but for the noise at rest')
         return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
 

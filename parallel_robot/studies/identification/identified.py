@@ -293,13 +293,23 @@ def judge(found: Identified, checked: Prediction, joints: Sequence[str]) -> str:
     cause = _likely_cause(found, joints)
     if left > MOST or (left >= nominal and nominal > SMALL):
         raise BagError(
-            f'no robot is found that explains the torques: {100.0 * left:.3g} % of them is left, '
-            f'{100.0 * nominal:.3g} % by the robot of the configuration; '
-            + (cause or least_squares.ANOTHER)
+            f'no robot is found that explains the torques: {100.0 * left:.3g} % of them is left'
+            f'{_where(checked, joints)}, {100.0 * nominal:.3g} % by the robot of the '
+            f'configuration; {cause or least_squares.ANOTHER}'
         )
     if left >= nominal:
         return 'the robot of the configuration explains the torques as well as what is found'
     return cause
+
+
+def _where(checked: Prediction, joints: Sequence[str]) -> str:
+    """Which joints leave most, if others do not; else empty."""
+    most = checked.share > MOST
+    if not 0 < most.sum() < np.isfinite(checked.share).sum():
+        return ''
+    shares = zip(joints, 100.0 * checked.share, most, strict=True)
+    told = (f'{share:.3g} % of {joint}' for joint, share, much in shares if much)
+    return f' ({", ".join(told)}, less than {100.0 * MOST:g} % of the others)'
 
 
 def _likely_cause(found: Identified, joints: Sequence[str]) -> str:

@@ -99,7 +99,8 @@ class RunMotion:
         states, self.count, self.duration = 0, 0, 0.0
         bad = {'after a fault': 0, SATURATION: 0}
         moving, most = np.zeros(len(torque_limit), bool), np.zeros(len(torque_limit))
-        speed, begin = _Speed(period), None
+        speed, begin, last = _Speed(period), None, np.inf
+        gaps: list[float] = []
         joints: tuple[str, ...] = ()
         units: JointUnits = HINGES
 
@@ -111,6 +112,9 @@ class RunMotion:
 
         for motion, faulted in self._parts(noted()):
             begin = motion.time[0] if begin is None else begin
+            steps = np.diff(motion.time, prepend=last)
+            gaps += steps[steps > GAP * period].tolist()
+            last = motion.time[-1]
             self.duration = float(motion.time[-1] - begin)
             states, self.count = states + len(motion.time), self.count + motion.count
             bad['after a fault'] += int(faulted.sum())
@@ -139,6 +143,9 @@ class RunMotion:
             for what, n in bad.items()
             if n
         )
+        if gaps:
+            many = f'{len(gaps)} gaps' if len(gaps) > 1 else 'a gap'
+            self.left_out += (f'{sum(gaps):.3g} s: {many} between states',)
 
     def windows(self) -> Iterator[MeasuredMotion]:
         """Parts that follow each other, from the first one on each time."""
