@@ -99,7 +99,7 @@ def test_an_arm_is_that_of_linear_least_squares(arm):
     noise = np.sqrt((left**2).sum() / (2 * len(tip) - 4))
     np.testing.assert_allclose(found.noise, noise, rtol=1e-3)
     spread = np.linalg.inv(basis.conj().T @ basis).real * noise**2
-    errors = found.half_widths[:2] / found.interval
+    errors = found.half_widths[:2] / found.interval[:2]
     np.testing.assert_allclose(errors, np.sqrt(np.diag(spread)), rtol=0.02)
 
 

@@ -23,6 +23,7 @@ from parallel_robot.bags import output
 from parallel_robot.studies.calibration import least_squares
 from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.estimation.fit import condition_number
 from parallel_robot.studies.identification.readable import dump
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
@@ -233,7 +234,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
         position[ordered],
         error,
         float(np.median(at_random)),
-        float(singular[0] / singular[-1]) if singular[-1] > 0.0 else math.inf,
+        condition_number(singular),
         'm' if robot.place else robot.joint_units.of('rad'),
         motion,
         robot.joint_units,

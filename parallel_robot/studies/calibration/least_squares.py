@@ -18,6 +18,7 @@ import numpy as np
 from scipy import linalg, optimize, stats
 
 from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.estimation import fit as estimation
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
 
@@ -31,11 +32,9 @@ FAR = 1e6  # of the noise, in place of poses that there are not
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Least-squares estimate of what is unknown."""
+class Fit(estimation.Fit):
+    """Least-squares estimate of what is unknown; what keeps its value has no covariance."""
 
-    values: Array  # estimates, shape (P,)
-    covariance: Array  # of the estimates, shape (P, P); zero for those that keep their values
     degrees: float  # of freedom, of the noise
     noise: Array  # standard deviation of the measured coordinates, shape (k,)
     kept: tuple[int, ...]  # numbers of those that keep their values, as the poses cannot tell them
@@ -43,21 +42,11 @@ class Fit:
     left: Array  # what is left of the poses, shape (N, k)
     before: Array  # what was left before, shape (N, k)
     slopes: Array  # derivatives of the predicted poses, shape (N, k, P)
-    condition: float  # condition number of the weighted Jacobian of those that are told
 
-    @property
-    def interval(self) -> float:
-        """Half width of a 95 % interval over the standard error."""
-        return self.beyond(0.05)
 
-    def beyond(self, share: float) -> float:
-        """Standard errors that a share of errors exceeds, by Student's t."""
-        return float(stats.t.isf(share / 2.0, self.degrees))
-
-    @property
-    def half_widths(self) -> Array:
-        """Half widths of 95 % intervals, shape (P,)."""
-        return np.asarray(self.interval * np.sqrt(np.diag(self.covariance)))
+def beyond(share: float, degrees: float) -> float:
+    """Standard errors that a share of errors exceeds, by Student's t."""
+    return float(stats.t.isf(share / 2.0, degrees))
 
 
 def fit(model: PoseModel, start: Array | None = None) -> Fit:
@@ -100,9 +89,18 @@ def fit(model: PoseModel, start: Array | None = None) -> Fit:
     inverse = vectors.T / singular
     covariance = np.zeros((size, size))
     covariance[np.ix_(told, told)] = inverse @ inverse.T
-    condition = float(singular[0] / singular[-1])
     return Fit(
-        values, covariance, degrees, noise, tuple(kept), untold, left, before, slopes, condition
+        values,
+        covariance,
+        np.full(size, beyond(0.05, degrees)),
+        estimation.condition_number(singular),
+        degrees,
+        noise,
+        tuple(kept),
+        untold,
+        left,
+        before,
+        slopes,
     )
 
 

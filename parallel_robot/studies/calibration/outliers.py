@@ -69,7 +69,9 @@ def sifted(model: PoseModel, start: Array) -> Sifted:
         found = least_squares.fit(part, values)
         values, left = found.values, _left(model, found.values)
         share = _deviations(model, found, left, used)
-        near = share.max(axis=1) <= max(STRAY, found.beyond(FALSE / share.size))
+        near = share.max(axis=1) <= max(
+            STRAY, least_squares.beyond(FALSE / share.size, found.degrees)
+        )
         if (near == used).all() or 2 * near.sum() <= count:
             break
         used = near

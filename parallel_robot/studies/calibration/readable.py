@@ -11,6 +11,7 @@ from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.outliers import Outlier
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.starts import Starts
+from parallel_robot.studies.estimation.fit import combination
 from parallel_robot.studies.identification.readable import dump
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
@@ -59,16 +60,8 @@ def untold(model: PoseModel, found: Fit) -> list[str]:
     if not found.kept:
         return []
     basis = np.linalg.solve(found.untold[:, list(found.kept)], found.untold)
-    lines = []
-    for vector in basis:
-        vector = vector / np.linalg.norm(vector)
-        parts = [
-            f'{share:+.2f} {model.unknown[k].name}'
-            for k, share in enumerate(vector)
-            if abs(share) > SHARE
-        ]
-        lines.append(' '.join(parts) if len(parts) > 1 else parts[0].partition(' ')[2])
-    return lines
+    names = [each.name for each in model.unknown]
+    return [combination(each / np.linalg.norm(each), names, SHARE) for each in basis]
 
 
 def expected_error(model: PoseModel, found: Fit) -> dict[str, float]:

@@ -20,6 +20,7 @@ import numpy as np
 
 from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
+from parallel_robot.studies.estimation.fit import condition_number
 from parallel_robot.studies.identification import base_parameters, readable
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
@@ -126,8 +127,7 @@ class Search:
         sizes = base_parameters.sizes(self.robot)
         scale = self.base.scale(sizes, friction)
         singular = np.linalg.svd(Y * scale, compute_uv=False) / np.sqrt(len(Y))
-        weakest = float(singular[-1])
-        return Quality(weakest, float(singular[0]) / weakest if weakest > 0.0 else np.inf)
+        return Quality(float(singular[-1]), condition_number(singular))
 
     def largest(self, coefficients: Array) -> tuple[Quality, Array]:
         """Quality and coefficients at the largest amplitude that is feasible."""

@@ -417,7 +417,7 @@ def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
         columns = choice.columns
         fitted = _fit(regression.with_friction(columns))
         fit = fitted.fit
-        widths = np.abs(fit.values) / (fit.interval * fit.standard_errors)
+        widths = np.abs(fit.values) / fit.half_widths
         doubtful = {
             each
             for each, value, width in zip(
@@ -457,7 +457,7 @@ def _fit(regression: _Regression) -> _Fitted:
     late = _Search(regression).run(0.1 * period)  # the slope is for a period of delay
     fit, rows = late.uncertainty()
     estimate = late.at.late + period * float(late.found.values[-1])
-    half = period * float(fit.interval[-1] * fit.standard_errors[-1])
+    half = period * float(fit.half_widths[-1])
     delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
     found = late
     if not delay.counts:

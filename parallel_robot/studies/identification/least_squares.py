@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
+from parallel_robot.studies.estimation import fit as estimation
 from parallel_robot.studies.identification.regression_rows import Rows
 from parallel_robot_model.common.units import Array
 
@@ -27,20 +28,11 @@ SHOWN = 0.3  # share in a unit vector from which a parameter is named
 
 
 @dataclass(frozen=True)
-class Fit:
+class Fit(estimation.Fit):
     """Least-squares estimate of the base parameters."""
 
-    values: Array  # estimates, shape (B,)
-    covariance: Array  # of the estimates, shape (B, B)
-    interval: Array  # half widths of 95 % intervals over the standard errors, shape (B,)
-    condition: float  # condition number of the weighted regressor of parameters over their sizes
     residual: Array  # torques that are not explained, rms of each joint [N m], shape (n,)
     correlation: Array  # of what is left of the torques in one row and the next, shape (n,)
-
-    @property
-    def standard_errors(self) -> Array:
-        """Standard errors of the estimates, shape (B,)."""
-        return np.sqrt(np.diag(self.covariance))
 
 
 @dataclass(frozen=True)
@@ -203,13 +195,7 @@ def poorly_determined(
         error = float(np.sqrt(max(variance, 0.0)))
         if error > POOR:
             vector = vector * np.sign(vector[np.argmax(np.abs(vector))])
-            parts = [
-                (share, f'({names[k]})' if ' ' in names[k] else names[k])
-                for share, k in zip(vector, rest, strict=True)
-                if abs(share) > SHOWN
-            ]
-            text = ' '.join(f'{share:+.2f} {name}' for share, name in parts)
-            found.append((parts[0][1].strip('()') if len(parts) == 1 else text, error))
+            found.append((estimation.combination(vector, [names[k] for k in rest], SHOWN), error))
     return found
 
 
@@ -218,10 +204,7 @@ def _solve(Y: Array, weight: Array, error: Array) -> tuple[Array, float]:
     root = np.linalg.cholesky(weight).T
     flat, right = (root @ Y).reshape(-1, Y.shape[-1]), (error @ root.T).ravel()
     change, _, _, singular = np.linalg.lstsq(flat, right, rcond=RANK)
-    smallest = singular[-1]
-    return np.asarray(change, np.float64), float(
-        singular[0] / smallest
-    ) if smallest > 0.0 else np.inf
+    return np.asarray(change, np.float64), estimation.condition_number(singular)
 
 
 def _inverse(information: Array) -> tuple[Array, Array]:

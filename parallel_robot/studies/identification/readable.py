@@ -39,7 +39,7 @@ def summary(
             columns[name] = [_percent(each) for each in shares]
     if validation:
         columns['validation, %'] = [_percent(each) for each in validation.share]
-    half = fit.interval * fit.standard_errors
+    half = fit.half_widths
     for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
         unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
         column = columns.setdefault(units.label(WORDS[kind] + unit), [''] * len(joints))
@@ -97,7 +97,7 @@ def parts(found: Identified) -> list[Part]:
     """Base parameters with their 95 % intervals, what is not known, and the chosen robot."""
     fit, robot = found.fit, found.robot
     model = linear_model(found.nominal.robot)
-    half = fit.interval * fit.standard_errors
+    half = fit.half_widths
     rows = []
     for k, (name, unit) in enumerate(zip(found.base.names, found.base.units, strict=True)):
         unknown = half[k] > 0.1 * UNKNOWN * found.scale[k]
@@ -196,9 +196,7 @@ def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> di
                 'unit': unit,
                 'estimate': float(fit.values[k]),
                 'standard_error': float(fit.standard_errors[k]) if known[k] else None,
-                'half_width_95': float(fit.interval[k] * fit.standard_errors[k])
-                if known[k]
-                else None,
+                'half_width_95': float(fit.half_widths[k]) if known[k] else None,
                 'before': float(found.before[k]),
                 'of_chosen_robot': float(robot.values[k]),
             }

@@ -1,0 +1,1 @@
+"""What identification and calibration share: estimates, and robots by them, in files."""

@@ -1,0 +1,48 @@
+"""Estimates with their uncertainty, and combinations of them that data do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from parallel_robot_model.common.units import Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Least-squares estimate of some unknown."""
+
+    values: Array  # estimates, shape (P,)
+    covariance: Array  # of the estimates, shape (P, P)
+    interval: Array  # half widths of 95 % intervals over the standard errors, shape (P,)
+    condition: float  # condition number of the weighted and scaled regressor
+
+    @property
+    def standard_errors(self) -> Array:
+        """Standard errors of the estimates, shape (P,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def half_widths(self) -> Array:
+        """Half widths of their 95 % intervals, shape (P,)."""
+        return np.asarray(self.interval * self.standard_errors)
+
+
+def condition_number(singular: np.ndarray) -> float:
+    """Condition number by singular values in descending order."""
+    return float(singular[0] / singular[-1]) if singular[-1] > 0.0 else np.inf
+
+
+def combination(shares: Array, names: Sequence[str], least: float) -> str:
+    """A combination in words, without shares up to `least`, e.g. ``+0.71 l1 -0.71 (a + b)``."""
+    terms = [
+        (share, name) for share, name in zip(shares, names, strict=True) if abs(share) > least
+    ]
+    if len(terms) == 1:
+        return terms[0][1]
+    bracketed = (
+        (share, f'({name})' if ' + ' in name or ' - ' in name else name) for share, name in terms
+    )
+    return ' '.join(f'{share:+.2f} {name}' for share, name in bracketed)
