@@ -6,14 +6,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, overload
 
-from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import output
 from parallel_robot.bags.run import joint_table, recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration
 from parallel_robot.studies.calibration.bag_calibration import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
+from parallel_robot.studies.estimation.result_files import check_files
 from parallel_robot.studies.identification import bag_identification
 from parallel_robot.studies.identification.bag_identification import Identification
 from parallel_robot.studies.identification.design import Designed as ExcitingMotion
@@ -119,16 +118,12 @@ def calibrate(
         'seed': seed,
     }
     mode, file = bag_calibration.mode(options), arguments.optional('out', out)
-    if file is not None:
-        output.check_new(file, 'out')
     picture = arguments.optional('figure', figure)
-    if picture is not None:
-        check_new(picture)
+    check_files(file, picture, 'out')
     if mode == bag_calibration.DESIGN:
         name = named('scenario', scenario)
         chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
-        if file is not None:
-            chosen.write(file)
+        chosen.write(file)
         return chosen
     if not (pose_topic is None or isinstance(pose_topic, str)):
         raise InputError(f'pose_topic must be the name of a topic, not {pose_topic!r}')
@@ -141,10 +136,7 @@ def calibrate(
         arguments.view({**of_bag, **values, 'scenario': scenario, 'param_file': param_file}),
         robust,
     )
-    if file is not None:
-        found.write(file)
-    if picture is not None:
-        found.save_figure(picture)
+    found.write(file, picture)
     return found
 
 
@@ -254,12 +246,11 @@ def identify(
     mode = bag_identification.mode(options)
     robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
     second = arguments.optional('validate', validate)
-    bag_identification.check_files(robot, picture)
+    check_files(robot, picture, 'out')
     if mode == bag_identification.DESIGN:
         scenario = named('design', design)
         motion = search(scenario, changes(param_file, values), trials, seed)
-        if robot is not None:
-            motion.write(robot)
+        motion.write(robot)
         return motion
     place = arguments.path('a bag', bag)
     view = arguments.view({**of_bag, **values, 'param_file': param_file})

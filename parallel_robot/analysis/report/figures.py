@@ -202,31 +202,26 @@ def draw_torques(log: RunLog, torque: np.ndarray, law: str, path: str | Path) ->
         f'replayed, {replayed}': (torque, {'color': COLOURS[0], 'lw': 0.8}),
     }
     title = f'{label(log.scenario)}: {log.units.label("torques")} on the same motion'
-    _draw_joint_by_joint(title, log.time, log.joints, curves, path, log.units)
+    save(_joint_by_joint(title, log.time, log.joints, curves, log.units), path)
 
 
-def draw_prediction(
+def figure_of_prediction(
     time: np.ndarray,
     joints: Sequence[str],
     measured: np.ndarray,
     predicted: np.ndarray,
-    path: str | Path,
     units: JointUnits = HINGES,
     held_out: float | None = None,
-) -> None:
-    """Draw measured and predicted torques, joint by joint.
+) -> Any:
+    """Measured and predicted torques, joint by joint, as a figure of matplotlib.
 
     Args:
         time: Times [s], shape (T,).
         joints: Names of the joints.
         measured: Measured torques [N m], shape (T, n).
         predicted: Predicted torques [N m], shape (T, n).
-        path: File to write, which must not exist; its suffix chooses the format.
         units: Those of the joints.
         held_out: Time from which on they were not fitted [s]; None: none.
-
-    Raises:
-        InputError: the suffix is of no picture format, or the file cannot be written.
     """
     curves = {
         'measured': (measured, BROAD),
@@ -235,19 +230,18 @@ def draw_prediction(
     }
     title = f'{units.label("Torques")} by the identified robot'
     shaded = None if held_out is None else (held_out, float(time[-1]))
-    _draw_joint_by_joint(title, time, joints, curves, path, units, shaded)
+    return _joint_by_joint(title, time, joints, curves, units, shaded)
 
 
-def _draw_joint_by_joint(
+def _joint_by_joint(
     title: str,
     time: np.ndarray,
     joints: Sequence[str],
     curves: Mapping[str, tuple[np.ndarray, dict[str, Any]]],
-    path: str | Path,
     units: JointUnits,
     held_out: tuple[float, float] | None = None,
-) -> None:
-    """Draw torques [N m], name to values, shape (T, n), and look, one panel for each joint."""
+) -> Any:
+    """Torques [N m], name to values, shape (T, n), and look, one panel for each joint."""
     figure = _figure(title, max(HEIGHT, ROW * len(joints)))
     rows = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
     for k, (axes, joint) in enumerate(zip(rows, joints, strict=True)):
@@ -260,7 +254,7 @@ def _draw_joint_by_joint(
         axes.grid(alpha=0.3)
     rows[0].legend(loc='upper right', ncols=len(curves) + 1, fontsize='small')
     rows[-1].set(xlabel='t [s]')
-    save(figure, path)
+    return figure
 
 
 def draw_motion(
@@ -273,7 +267,7 @@ def draw_motion(
 ) -> None:
     """Draw the joints [rad] and torques [N m] of a motion without a reference, each shape (T, n).
 
-    The others as of :func:`draw_prediction`.
+    The others as of :func:`draw_run` and :func:`figure_of_prediction`.
     """
     figure = _figure('Motion without a reference', 2.0 * ROW)
     rows = figure.subplots(2, 1, sharex=True)

@@ -5,8 +5,6 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.report.figures import check_new
-from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import (
@@ -19,6 +17,7 @@ from parallel_robot.cli.shared import (
 )
 from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
+from parallel_robot.studies.estimation.result_files import check_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,10 +76,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if arguments.out:
-        output.check_new(arguments.out, '--out')
-    if arguments.figure:
-        check_new(arguments.figure)
+    check_files(arguments.out, arguments.figure)
     others = {
         'pose-topic': arguments.pose_topic,
         'topic': arguments.topics,
@@ -100,10 +96,7 @@ def execute(arguments: argparse.Namespace) -> int:
         arguments.robust,
     )
     warn(found.warnings)
-    if arguments.out:
-        found.write(arguments.out)
-    if arguments.figure:
-        found.save_figure(arguments.figure)
+    found.write(arguments.out, arguments.figure)
     written = {'robot': arguments.out, 'figure': arguments.figure}
     files = [f'{name:8}{path}' for name, path in written.items() if path]
     show(arguments.format, found.parts(), found.as_data(), files)
@@ -119,8 +112,7 @@ def _design(arguments: argparse.Namespace) -> int:
         arguments.free,
         arguments.seed or 0,
     )
-    if arguments.out:
-        found.write(arguments.out)
+    found.write(arguments.out)
     files = [f'motion  {arguments.out}'] if arguments.out else []
     show(arguments.format, found.parts(), found.as_data(), files)
     return 0

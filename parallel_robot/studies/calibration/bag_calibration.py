@@ -12,8 +12,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.analysis.report import figures
-from parallel_robot.bags import output
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.run import recorded_robot, recording, run_log
@@ -39,6 +37,7 @@ from parallel_robot.studies.calibration.outliers import STRAY, Outlier
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.starts import MOST_OF_NOISE, Starts
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
+from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
@@ -50,7 +49,7 @@ from parallel_robot_model.common.errors import (
     printable,
 )
 from parallel_robot_model.common.options import refuse
-from parallel_robot_model.common.tables import Part, ShownResult
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.processes.blas_threads import one_blas_thread
@@ -64,7 +63,7 @@ NAMED = 5  # outliers that a warning lists
 
 
 @dataclass(frozen=True, repr=False)
-class Calibration(ShownResult):
+class Calibration(WrittenResult):
     """What measured poses tell of a robot."""
 
     bag: Path
@@ -79,11 +78,13 @@ class Calibration(ShownResult):
         """The calibrated robot."""
         return self.model.robot_with(self.found.values)
 
-    @property
-    def values(self) -> dict[str, Any]:
-        """The robot as keys of the configuration and their values."""
-        groups = readable.parameter_groups(self.model, self.found)
-        return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """The robot as keys of the configuration, by group."""
+        return readable.parameter_groups(self.model, self.found)
+
+    def header(self) -> list[str]:
+        """How it was found."""
+        return readable.header(self.model, self.found, str(self.bag))
 
     def parts(self) -> list[Part]:
         """The results as tables."""
@@ -93,24 +94,11 @@ class Calibration(ShownResult):
         """The results as plain data, as ``--format json`` has them."""
         return readable.as_data(self.model, self.found, self.outliers, self.starts)
 
-    def save_figure(self, path: Path) -> None:
-        """Write a picture of the errors and changes into a file that must not exist.
-
-        Raises:
-            InputError: the suffix is of no picture format, or it cannot be written.
-        """
+    def draw(self) -> Any:
+        """Draw the errors before and after, and the changes."""
         from parallel_robot.studies.calibration import picture  # slow to import: only when drawn
 
-        figures.save(picture.draw(self.model, self.found), path)
-
-    def write(self, out: Path) -> None:
-        """Write the robot as YAML, for ``--param-file``, into a file that must not exist.
-
-        Raises:
-            InputError: it cannot be written.
-        """
-        content = readable.parameter_text(self.model, self.found, str(self.bag))
-        output.save(out, content.encode())
+        return picture.draw(self.model, self.found)
 
 
 @one_blas_thread()

@@ -14,20 +14,18 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from parallel_robot.bags import output
 from parallel_robot.studies.calibration import least_squares
 from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.estimation.fit import condition_number
-from parallel_robot.studies.identification.readable import dump
+from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Part, ShownResult, Table
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.configuration.fields import Field, check, known
 from parallel_robot_model.robots.contract import REACHED
@@ -104,7 +102,7 @@ INNER = 7  # points of a way between its ends, and of a rest
 
 
 @dataclass(frozen=True, repr=False)
-class Designed(ShownResult):
+class Designed(WrittenResult):
     """Poses that tell most."""
 
     robot: str  # name of the robot
@@ -154,17 +152,17 @@ class Designed(ShownResult):
             'condition_number': self.condition,
         }
 
-    def write(self, path: Path) -> None:
-        """Write the motion as YAML, for ``--param-file``, into a file that must not exist.
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """A motion that visits the poses."""
+        return self.motion
 
-        Raises:
-            InputError: it cannot be written.
-        """
-        comment = (
-            f'# {len(self.poses)} poses of {self.robot} that tell most of its geometry, with '
-            f'{REST:g} s of rest at each.\n'
-        )
-        output.save(path, (comment + dump(self.motion)).encode())
+    def header(self) -> list[str]:
+        """What it is."""
+        count = len(self.poses)
+        return [
+            f'{count} poses of {self.robot} that tell most of its geometry, with {REST:g} s of '
+            'rest at each.'
+        ]
 
 
 def design(

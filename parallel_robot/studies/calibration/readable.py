@@ -12,7 +12,6 @@ from parallel_robot.studies.calibration.outliers import Outlier
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.starts import Starts
 from parallel_robot.studies.estimation.fit import combination
-from parallel_robot.studies.identification.readable import dump
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array, rounded
@@ -140,14 +139,8 @@ DIGITS = 10  # significant digits of a parameter
 TAKEN_OFF, SHOWN = 'estimator', 'sensor'  # groups with a zero angle: of controller and plant
 
 
-def parameter_text(model: PoseModel, found: Fit, bag: str) -> str:
-    """Contents of the file: the robot and its zero angles, and how they were found.
-
-    Args:
-        model: What was looked for.
-        found: What was found.
-        bag: Path of the bag, for the comment.
-    """
+def header(model: PoseModel, found: Fit, bag: str) -> list[str]:
+    """How a robot was found, for the comment of its file."""
     kept = [model.unknown[k].name for k in found.kept]
     lines = [
         f'The robot {model.robot.name} as calibrated from {len(model.measured.time)} poses, '
@@ -165,11 +158,11 @@ def parameter_text(model: PoseModel, found: Fit, bag: str) -> str:
         lines.append(f'Kept as they were, as the poses do not tell them: {", ".join(kept)}.')
     lines.append('The controller takes estimator.zero_angle off what the encoders show; a')
     lines.append('simulated robot has the same in sensor.zero_angle.')
-    return ''.join(f'# {line}\n' for line in lines) + dump(parameter_groups(model, found))
+    return lines
 
 
 def parameter_groups(model: PoseModel, found: Fit) -> dict[str, dict[str, Any]]:
-    """The robot as groups of the configuration, see :func:`parameter_text`."""
+    """The robot and its zero angles as groups of the configuration."""
     every = model.robot_with(found.values).parameters._asdict()
     robot = {
         key: rounded(every[key], DIGITS)

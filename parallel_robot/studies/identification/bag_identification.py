@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.bags import output
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
+from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
@@ -31,7 +31,7 @@ from parallel_robot.studies.identification.regression_rows import (
 from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
-from parallel_robot_model.common.tables import Part, ShownResult
+from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration.fields import group, known
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_sim.plant import PlantParameters
@@ -41,7 +41,7 @@ MOST_HELD_OUT = 0.9
 
 
 @dataclass(frozen=True, repr=False)
-class Identification(ShownResult):
+class Identification(WrittenResult):
     """What a bag tells of its robot."""
 
     bag: Path
@@ -55,11 +55,13 @@ class Identification(ShownResult):
     constants: TorqueConstants | None  # torque constants that were found, if any were asked for
     warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
-    @property
-    def values(self) -> dict[str, Any]:
-        """The robot as keys of the configuration and their values."""
-        groups = readable.parameter_groups(self.found, self._noise)
-        return {f'{group}.{key}': each for group, of in groups.items() for key, each in of.items()}
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """The robot as keys of the configuration, by group."""
+        return readable.parameter_groups(self.found, self._noise)
+
+    def header(self) -> list[str]:
+        """How it was found."""
+        return readable.header(self.found, str(self.bag), bool(self._noise))
 
     @property
     def _noise(self) -> dict[str, list[float]]:
@@ -98,47 +100,22 @@ class Identification(ShownResult):
         found = {'rest': self.rest, 'motor_lag': self.lag, 'torque_constants': self.constants}
         return data | {name: each.as_data() if each else None for name, each in found.items()}
 
-    def write(self, out: Path | None, figure: Path | None) -> None:
-        """Write the robot as YAML, for ``--param-file``, and a picture of the torques, or neither.
-
-        Args:
-            out: File of the robot, which must not exist.
-            figure: That of the picture, likewise.
-
-        Raises:
-            InputError: one cannot be written.
-        """
-        with contextlib.ExitStack() as written:
-            if out:
-                content = readable.parameter_text(self.found, str(self.bag), self._noise)
-                written.enter_context(output.written(out, content.encode()))
-            if figure:
-                rows, torque = self.checked.rows, self.checked.torque
-                held, begin = None if self.validated else self.found.held_out, None
-                if held:  # as it was predicted by the fit to what is before it
-                    begin = float(held.rows.time[0])
-                    rows = rows.of(rows.time < begin)
-                    torque = np.concatenate([torque[: len(rows.time)], held.torque])
-                    rows = joined([rows, held.rows])
-                units = self.found.nominal.robot.joint_units
-                measured, predicted = (
-                    np.where(rows.known, each, np.nan) for each in (rows.torque, torque)
-                )
-                figures.draw_prediction(
-                    rows.time, self.joints, measured, predicted, figure, units, begin
-                )
-
-
-def check_files(out: Path | None, figure: Path | None) -> None:
-    """Refuse files of the results that exist, or cannot be made.
-
-    Raises:
-        InputError: with the reason.
-    """
-    if out:
-        output.check_new(out, '--out')
-    if figure:
-        figures.check_new(figure)
+    def draw(self) -> Any:
+        """Draw the torques, measured and predicted."""
+        rows, torque = self.checked.rows, self.checked.torque
+        held, begin = None if self.validated else self.found.held_out, None
+        if held:  # as it was predicted by the fit to what is before it
+            begin = float(held.rows.time[0])
+            rows = rows.of(rows.time < begin)
+            torque = np.concatenate([torque[: len(rows.time)], held.torque])
+            rows = joined([rows, held.rows])
+        units = self.found.nominal.robot.joint_units
+        measured, predicted = (
+            np.where(rows.known, each, np.nan) for each in (rows.torque, torque)
+        )
+        return figures.figure_of_prediction(
+            rows.time, self.joints, measured, predicted, units, begin
+        )
 
 
 @one_blas_thread()

@@ -13,20 +13,19 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked
 from parallel_robot.studies.estimation.fit import condition_number
-from parallel_robot.studies.identification import base_parameters, readable
+from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Part, ShownResult, Table
+from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.configuration.fields import Field, check, group
 from parallel_robot_model.processes.blas_threads import one_blas_thread
@@ -192,7 +191,7 @@ SEED = 0
 
 
 @dataclass(frozen=True, repr=False)
-class Designed(ShownResult):
+class Designed(WrittenResult):
     """An exciting motion."""
 
     design: Design  # the motion, and what it shows
@@ -226,20 +225,18 @@ class Designed(ShownResult):
             },
         }
 
-    def write(self, path: Path) -> None:
-        """Write the coefficients as YAML, for ``--param-file``, into a file that must not exist.
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """The coefficients, and where the motion begins."""
+        found = self.design.parameters
+        return {SHAPE: found, 'plant': {'initial_pose': found['center']}}
 
-        Raises:
-            InputError: it cannot be written.
-        """
-        found = self.design
-        comment = (
-            f'# Exciting trajectory for {self.robot}: condition number '
-            f'{found.quality.condition:.4g} ({self.trials} trials, seed {self.seed}).\n'
-        )
-        plant = {'initial_pose': found.parameters['center']}
-        tree = {SHAPE: found.parameters, 'plant': plant}
-        output.save(path, (comment + readable.dump(tree)).encode())
+    def header(self) -> list[str]:
+        """What was searched, and how."""
+        condition = self.design.quality.condition
+        return [
+            f'Exciting trajectory for {self.robot}: condition number {condition:.4g} '
+            f'({self.trials} trials, seed {self.seed}).'
+        ]
 
 
 @one_blas_thread()

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import yaml
 
 from parallel_robot.studies.identification.base_parameters import ALWAYS, FRICTION, linear_model
 from parallel_robot.studies.identification.identified import Delay, Identified, Prediction
@@ -250,14 +249,8 @@ def _each(value: Any, before: Any) -> list[tuple[float, float, str]]:
 DIGITS = 8  # significant digits of a parameter
 
 
-def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]) -> str:
-    """Contents of the file: keys ``robot`` and ``friction``, and how they were found.
-
-    Args:
-        found: The identified robot.
-        bag: Path of the bag, for the comment.
-        noise: Parameters of the estimator, by key, from what the sensors show at rest.
-    """
+def header(found: Identified, bag: str, noise: bool) -> list[str]:
+    """How a robot was found, for the comment of its file; `noise`: whether that has the noise."""
     model = linear_model(found.nominal.robot)
     robot = found.robot
     kept = [
@@ -292,14 +285,13 @@ def parameter_text(found: Identified, bag: str, noise: Mapping[str, list[float]]
     lines += [f'Bound active: {each}.' for each in robot.bounds]
     if noise:
         lines.append('The noise of the sensors is that at rest.')
-    comment = ''.join(f'# {line}\n' for line in lines)
-    return comment + dump(parameter_groups(found, noise))
+    return lines
 
 
 def parameter_groups(
     found: Identified, noise: Mapping[str, list[float]]
 ) -> dict[str, dict[str, Any]]:
-    """The robot as groups of the configuration, see :func:`parameter_text`."""
+    """The robot as groups of the configuration; `noise` of the sensors, keys of the estimator."""
     robot = found.robot
     tree: dict[str, dict[str, Any]] = {
         'robot': {key: rounded(value, DIGITS) for key, value in robot.robot.items()},
@@ -319,8 +311,3 @@ def friction(found: Identified) -> dict[str, Any]:
     ]
     speed = {'stribeck_velocity': group.stribeck_velocity} if any(group.stribeck) else {}
     return {kind: plain(getattr(group, kind)) for kind in told} | speed
-
-
-def dump(tree: Mapping[str, Any]) -> str:
-    """Groups of parameters as YAML, lists in one line each."""
-    return yaml.safe_dump(dict(tree), sort_keys=False, default_flow_style=None, width=1000)
