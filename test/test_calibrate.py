@@ -225,11 +225,18 @@ def start_of(case):
 def test_a_tracker_that_strays_is_doubted(case, tmp_path):
     table = case.table.copy()
     table[11, 1] += 3e-3
-    found = pr.calibrate(case.bag, poses=tracker(tmp_path / 'poses.csv', 't,x,y,phi', table))
+    poses = tracker(tmp_path / 'poses.csv', 't,x,y,phi', table)
+    found = pr.calibrate(case.bag, poses=poses)
     [warning] = found.warnings
     assert f'1 of {len(table)} poses are more than 6 standard deviations' in warning
     assert f't = {table[11, 0]:.3f} s (x by 3.0' in warning
     assert warning.endswith('--robust leaves them out')
+    for robust, what in ((False, 'used, too'), (True, 'left out')):  # the file says it, too
+        found, out = pr.calibrate(case.bag, poses=poses, robust=robust), tmp_path / f'{what}.yaml'
+        found.write(out)
+        said = f'# 1 of {len(table)} poses are more than 6 standard deviations beside'
+        [line] = [each for each in out.read_text().splitlines() if said in each]
+        assert line.endswith(f': {what}.')
 
 
 def test_a_robust_calibration_is_that_of_the_poses_without_outliers(

@@ -33,7 +33,7 @@ from parallel_robot.studies.calibration.measured_poses import (
     StampedPoses,
     margin,
 )
-from parallel_robot.studies.calibration.outliers import STRAY, Outlier
+from parallel_robot.studies.calibration.outliers import Outlier, summary
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.starts import MOST_OF_NOISE, Starts
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
@@ -69,7 +69,8 @@ class Calibration(WrittenResult):
     bag: Path
     model: PoseModel  # what was looked for, by the poses that were used
     found: Fit  # what was found
-    outliers: tuple[Outlier, ...]  # poses that the others do not tell; with `robust` not used
+    outliers: tuple[Outlier, ...]  # poses that the others do not predict
+    robust: bool  # whether these are left out
     starts: Starts  # how many starts of the search agree
     warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
 
@@ -84,7 +85,9 @@ class Calibration(WrittenResult):
 
     def header(self) -> list[str]:
         """How it was found."""
-        return readable.header(self.model, self.found, str(self.bag))
+        return readable.header(
+            self.model, self.found, str(self.bag), len(self.outliers), self.robust
+        )
 
     def parts(self) -> list[Part]:
         """The results as tables."""
@@ -184,7 +187,7 @@ def calibrate(
     if hint:
         judged.insert(0, f'{poses or bag}: {hint}')
     doubts = _doubts(fit, tried, most)
-    return Calibration(bag, model, fit, stray, tried, (*warnings, *doubts, *judged))
+    return Calibration(bag, model, fit, stray, robust, tried, (*warnings, *doubts, *judged))
 
 
 def _measured(
@@ -310,8 +313,7 @@ def _named(model: PoseModel, stray: tuple[Outlier, ...], left_out: bool) -> str:
     if rest:
         told.append(f'{len(rest)} more between t = {min(rest):.3f} and {max(rest):.3f} s')
     return (
-        f'{len(stray)} of {len(model.nominal)} poses are more than {STRAY:g} standard deviations '
-        f'beside what the others tell: {", ".join(told)}; '
+        f'{summary(len(stray), len(model.nominal))}: {", ".join(told)}; '
         f'{"left out" if left_out else "--robust leaves them out"}'
     )
 

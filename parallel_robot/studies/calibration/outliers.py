@@ -39,6 +39,14 @@ class Outlier(NamedTuple):
     share: Array  # the same over their standard deviations, shape (k,)
 
 
+def summary(count: int, poses: int) -> str:
+    """How many of some poses are outliers, in words."""
+    return (
+        f'{count} of {poses} poses are more than {STRAY:g} standard deviations beside what the '
+        'others tell'
+    )
+
+
 class Sifted(NamedTuple):
     """Poses that tell the same robot, and others."""
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.studies.calibration.least_squares import Fit
-from parallel_robot.studies.calibration.outliers import Outlier
+from parallel_robot.studies.calibration.outliers import Outlier, summary
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.starts import Starts
 from parallel_robot.studies.estimation.fit import combination
@@ -139,12 +139,11 @@ DIGITS = 10  # significant digits of a parameter
 TAKEN_OFF, SHOWN = 'estimator', 'sensor'  # groups with a zero angle: of controller and plant
 
 
-def header(model: PoseModel, found: Fit, bag: str) -> list[str]:
-    """How a robot was found, for the comment of its file."""
-    kept = [model.unknown[k].name for k in found.kept]
+def header(model: PoseModel, found: Fit, bag: str, outliers: int, robust: bool) -> list[str]:
+    """How a robot was found, for the comment of its file; `robust`: without the outliers."""
+    kept, count = [model.unknown[k].name for k in found.kept], len(model.measured.time)
     lines = [
-        f'The robot {model.robot.name} as calibrated from {len(model.measured.time)} poses, '
-        f'{printable(bag)}.',
+        f'The robot {model.robot.name} as calibrated from {count} poses, {printable(bag)}.',
         'Estimate, half width of the 95 % interval:',
         *(
             f'  {each.name} = {value:.8g} +- {half:.2g} {each.unit}'
@@ -154,6 +153,9 @@ def header(model: PoseModel, found: Fit, bag: str) -> list[str]:
             if k not in found.kept
         ),
     ]
+    if outliers:
+        what = 'left out' if robust else 'used, too'
+        lines.insert(1, f'{summary(outliers, count + outliers * robust)}: {what}.')
     if kept:
         lines.append(f'Kept as they were, as the poses do not tell them: {", ".join(kept)}.')
     lines.append('The controller takes estimator.zero_angle off what the encoders show; a')
