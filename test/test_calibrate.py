@@ -17,7 +17,7 @@ from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.cli.command_line import main
 from parallel_robot.cli.commands import calibrate
-from parallel_robot.studies.calibration import bag_calibration, measured_poses, picture
+from parallel_robot.studies.calibration import bag_calibration, measured_poses
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
@@ -126,7 +126,7 @@ def test_the_table_says_what_was_found_and_python_finds_the_same(case, whole, ca
 
 @pytest.mark.parametrize('suffix', ['png', 'pdf', 'svg'])
 def test_the_picture_has_the_errors_before_and_after_and_the_changes(whole, tmp_path, suffix):
-    drawn = picture.draw(whole.model, whole.found)
+    drawn = whole.draw()
     errors = [axes for axes in drawn.axes if axes.get_ylabel().startswith('|error| of ')]
     assert [axes.get_ylabel() for axes in errors] == [
         f'|error| of {name}' for name in ('x [µm]', 'y [µm]', 'phi [µrad]')

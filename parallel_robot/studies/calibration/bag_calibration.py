@@ -23,7 +23,6 @@ from parallel_robot.studies.calibration import (
     least_squares,
     measured_poses,
     readable,
-    starts,
 )
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
@@ -33,9 +32,14 @@ from parallel_robot.studies.calibration.measured_poses import (
     StampedPoses,
     margin,
 )
-from parallel_robot.studies.calibration.outliers import Outlier, summary
+from parallel_robot.studies.calibration.outliers import (
+    MOST_OF_NOISE,
+    Outlier,
+    Starts,
+    search,
+    summary,
+)
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
-from parallel_robot.studies.calibration.starts import MOST_OF_NOISE, Starts
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
 from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_control.configuration import nominal_of
@@ -99,9 +103,7 @@ class Calibration(WrittenResult):
 
     def draw(self) -> Any:
         """Draw the errors before and after, and the changes."""
-        from parallel_robot.studies.calibration import picture  # slow to import: only when drawn
-
-        return picture.draw(self.model, self.found)
+        return readable.draw(self.model, self.found)
 
 
 @one_blas_thread()
@@ -169,7 +171,7 @@ def calibrate(
         raise BagError(f'{unlike} but with {cause} they are')
     with Progress(None, 'robots tried') as progress, _naming(bag):
         model.watch = progress.show
-        (used, fit, stray), tried = starts.search(model)
+        (used, fit, stray), tried = search(model)
         hint = _named(model, stray, robust)
         if robust:
             model = used
@@ -283,16 +285,14 @@ def _joined(
 
 def _off(model: PoseModel) -> str:
     """What the nominal robot leaves of the poses, rms, for people."""
-    before = model.left(model.start)
-    assert before is not None  # it was looked at when the model was made
-    return _rms(model, before)
+    return _rms(model, model.errors(model.start))
 
 
 def _rms(model: PoseModel, left: Array) -> str:
     """What is left of poses, rms, by unit, for people."""
     return ' and '.join(
-        f'{1e3 * readable.rms(left[:, [each == unit for each in model.units]]):.3g} m{unit}'
-        for unit in dict.fromkeys(model.units)
+        f'{1e3 * readable.rms(left[:, columns]):.3g} m{unit}'
+        for unit, columns in model.columns_by_unit.items()
     )
 
 
@@ -329,14 +329,13 @@ def _judged(model: PoseModel, found: Fit, hint: str) -> str:
         BagError: it leaves so much that it is no result.
     """
     left, before = (1.48 * np.median(np.abs(each), axis=0) for each in (found.left, found.before))
-    noise = np.array([least_squares.NOISE[unit] for unit in model.units])
+    noise = model.noise
     resting = (np.abs(np.diff(model.nominal, axis=0)) < 0.1 * left.min()).all(axis=1)
     if resting.sum() >= AT_REST:
         scatter = np.diff(found.left, axis=0)[resting]
         noise = np.maximum(noise, 1.48 * np.median(np.abs(scatter), axis=0) / math.sqrt(2.0))
     told = ''
-    for unit in {*model.units}:
-        of = np.array([each == unit for each in model.units])
+    for of in model.columns_by_unit.values():
         now, then, least = (float(np.sqrt(np.mean(x[of] ** 2))) for x in (left, before, noise))
         if now <= MOST_OF_NOISE * least:
             continue

@@ -19,8 +19,12 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.studies.calibration import least_squares
-from parallel_robot.studies.calibration.least_squares import NOISE
-from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
+from parallel_robot.studies.calibration.pose_model import (
+    NOISE,
+    JointTrack,
+    MeasuredPoses,
+    PoseModel,
+)
 from parallel_robot.studies.estimation.fit import condition_number
 from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -215,9 +219,10 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     rng = np.random.default_rng(seed)
     columns = measured.columns[: robot.place or None]
     robots = [k for k, each in enumerate(told) if each < of_robot]
-    scale = np.array([NOISE[unit] for unit in model.units])
     others = [rng.choice(len(J), count, replace=False) for _ in range(RANDOM)]
-    error, *at_random = (_error(J, rows, scale, robots, columns) for rows in (chosen, *others))
+    error, *at_random = (
+        _error(J, rows, model.noise, robots, columns) for rows in (chosen, *others)
+    )
     ordered = _ordered(position, chosen)
     motion, rests = _motion(values, trajectory, centre, poses[ordered])
     singular = np.linalg.svd(J[chosen].reshape(-1, len(told)), compute_uv=False)
@@ -242,8 +247,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
 def _slopes(model: PoseModel) -> Array:
     """Derivatives of the poses over their noise, without those by the clock, shape (N, k, P)."""
     clock = len(model.start) - 1
-    scale = np.array([NOISE[unit] for unit in model.units])
-    slopes = model.slopes(model.start, (clock,)) / scale[:, np.newaxis]
+    slopes = model.slopes(model.start, (clock,)) / model.noise[:, np.newaxis]
     return np.asarray(slopes[:, :, :clock])
 
 

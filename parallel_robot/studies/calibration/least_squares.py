@@ -17,12 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize, stats
 
-from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.calibration.pose_model import PoseModel, unexplained
 from parallel_robot.studies.estimation import fit as estimation
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
 
-NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a tracker, before its poses tell it
 SAME = 1e-12  # of the largest singular value: a combination that changes nothing
 ITERATIONS = 4  # of weights, and of what keeps its value
 FLOOR = 1e-9  # m or rad, least noise that is assumed
@@ -64,9 +63,7 @@ def fit(model: PoseModel, start: Array | None = None) -> Fit:
     if poses < least:
         what = f'{poses} poses of {each} numbers are too few for {size} unknown'
         raise BagError(f'{what}; at least {least} are needed')
-    before = model.left(model.start)
-    assert before is not None  # it was looked at when the model was made
-    noise = np.array([NOISE[unit] for unit in model.units])
+    noise = model.noise
     kept, untold = first_kept(model)
     start = model.start if start is None else start
     for _ in range(ITERATIONS):
@@ -80,8 +77,6 @@ def fit(model: PoseModel, start: Array | None = None) -> Fit:
     else:
         values, noise, degrees = _weighted(model, start, kept, noise)
         slopes = model.slopes(values)
-    left = model.left(values)
-    assert left is not None
     told = [k for k in range(size) if k not in kept]
     _, singular, vectors = np.linalg.svd(_flat(slopes, noise)[:, told], full_matrices=False)
     if not len(singular) or not singular[-1] > 0.0:
@@ -98,16 +93,17 @@ def fit(model: PoseModel, start: Array | None = None) -> Fit:
         noise,
         tuple(kept),
         untold,
-        left,
-        before,
+        model.errors(values),
+        model.errors(model.start),
         slopes,
     )
 
 
 def first_kept(model: PoseModel) -> tuple[list[int], Array]:
     """What :func:`kept_values` are of the robot that is believed in, by a good tracker."""
-    noise = np.array([NOISE[unit] for unit in model.units])
-    return kept_values(_flat(model.slopes(model.start), noise) * model.told, model.preference)
+    return kept_values(
+        _flat(model.slopes(model.start), model.noise) * model.told, model.preference
+    )
 
 
 def kept_values(slopes: Array, preference: Array) -> tuple[list[int], Array]:
@@ -139,13 +135,11 @@ def _weighted(
     values[kept] = model.start[kept]
     for _ in range(ITERATIONS):
         values[told] = solved(model, values, told, noise)
-        left = model.left(values)
-        assert left is not None
+        left = model.errors(values)
         orthogonal, _ = np.linalg.qr(_flat(model.slopes(values, kept), noise)[:, told])
         pull = (orthogonal**2).sum(axis=1).reshape(left.shape)
         found, least = noise.copy(), float(left.size)
-        for unit in {*model.units}:
-            of = np.array([each == unit for each in model.units])
+        for of in model.columns_by_unit.values():
             degrees = max(left[:, of].size - float(pull[:, of].sum()), 0.5)
             least = min(least, max(degrees, 1.0))
             found[of] = max(np.sqrt((left[:, of] ** 2).sum() / degrees), FLOOR)
@@ -193,11 +187,6 @@ def solved(
     if not found.success or model.left(whole(found.x)) is None:
         raise unexplained()
     return np.asarray(found.x, np.float64)
-
-
-def unexplained() -> BagError:
-    """What is raised where a search does not end."""
-    return BagError('no geometry was found that explains the poses: least squares do not end')
 
 
 def _flat(slopes: Array, noise: Array) -> Array:

@@ -14,7 +14,6 @@ from collections.abc import Collection, Iterator
 import numpy as np
 from scipy import optimize
 
-from parallel_robot.studies.calibration.least_squares import NOISE
 from parallel_robot.studies.calibration.pose_model import PoseModel
 from parallel_robot.studies.calibration.tracker import FRAME, FREE, TARGET, Tracker
 from parallel_robot_model.common.errors import InputError
@@ -46,7 +45,7 @@ def likely_cause(model: PoseModel, free: Collection[str]) -> tuple[str, bool] | 
     """
     rows = np.unique(np.linspace(0, len(model.nominal) - 1, ROWS).astype(int))
     own, seen = model.nominal[rows], model.measured.pose[rows]
-    noise = np.array([NOISE[unit] for unit in model.units])
+    noise = model.noise
     other_free = [
         each
         for count in (1, 2)

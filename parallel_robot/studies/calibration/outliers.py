@@ -18,8 +18,9 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.studies.calibration import least_squares
-from parallel_robot.studies.calibration.least_squares import NOISE, Fit
+from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
 
 STRAY = 6.0  # standard deviations, an error that is doubted; with few poses
@@ -69,13 +70,13 @@ def sifted(model: PoseModel, start: Array) -> Sifted:
     """
     count, each = model.measured.pose.shape
     values, scale = _robust(model, start)
-    far = np.abs(_left(model, values) / scale).max(axis=1)
+    far = np.abs(model.errors(values) / scale).max(axis=1)
     least = (count + len(values) // each) // 2 + 1  # as many are believed at first
     used = far <= max(STRAY, float(np.sort(far)[min(least, count) - 1]))
     for _ in range(ROUNDS):
         believed, part = used, model.of(used)
         found = least_squares.fit(part, values)
-        values, left = found.values, _left(model, found.values)
+        values, left = found.values, model.errors(found.values)
         share = _deviations(model, found, left, used)
         near = share.max(axis=1) <= max(
             STRAY, least_squares.beyond(FALSE / share.size, found.degrees)
@@ -94,11 +95,10 @@ def _robust(model: PoseModel, start: Array) -> tuple[Array, Array]:
     """Estimates by a robust loss, and the scale of what they leave, shape (k,)."""
     values, kept = start.copy(), least_squares.first_kept(model)[0]
     values[kept] = model.start[kept]
-    good = np.array([NOISE[unit] for unit in model.units])
-    scale = good
+    scale = good = model.noise
     told = [k for k in range(len(values)) if k not in kept]
     for _ in range(ROUNDS):
-        before, scale = scale, np.maximum(_scale(model, _left(model, values)), EXACT * good)
+        before, scale = scale, np.maximum(_scale(model, model.errors(values)), EXACT * good)
         if np.allclose(scale, before, rtol=SETTLED):
             break
         values[told] = least_squares.solved(
@@ -110,8 +110,8 @@ def _robust(model: PoseModel, start: Array) -> tuple[Array, Array]:
 def _scale(model: PoseModel, left: Array) -> Array:
     """Standard deviation by the median of each unit, shape (k,)."""
     of = {
-        unit: 1.4826 * np.median(np.abs(left[:, [each == unit for each in model.units]]))
-        for unit in {*model.units}
+        unit: 1.4826 * np.median(np.abs(left[:, columns]))
+        for unit, columns in model.columns_by_unit.items()
     }
     return np.array([of[unit] for unit in model.units])
 
@@ -126,19 +126,54 @@ def _deviations(model: PoseModel, found: Fit, left: Array, used: Array) -> Array
         used: Which are used, shape (N,).
     """
     slopes = model.slopes(found.values)
-    noise = np.maximum(found.noise, EXACT * np.array([NOISE[unit] for unit in model.units]))
+    noise = np.maximum(found.noise, EXACT * model.noise)
     pull = ((slopes @ found.covariance) * slopes).sum(axis=2)
     variance = noise**2 + np.where(used[:, np.newaxis], -pull, pull)
     return np.asarray(np.abs(left) / np.sqrt(np.maximum(variance, 1e-3 * noise**2)))
 
 
-def _left(model: PoseModel, values: Array) -> Array:
-    """What is left of all poses.
+# A spread of starts where the first one leaves much: least squares know the next valley alone.
+
+MOST_OF_NOISE = 10.0  # of a good tracker: with less left there is nothing better
+STARTS = 5  # the nominal robot, and others beside it by as much as makes an unknown untold
+ALIKE = 0.1  # of the noise, by which poses of the same answer differ
+SIMILAR = 1.1  # of the median error of the best answer: another one is as good
+
+
+class Starts(NamedTuple):
+    """From where an answer was looked for."""
+
+    tried: int
+    agreeing: int  # starts that end in the answer
+    rivals: int  # starts that end in another one which is about as good
+
+
+def search(model: PoseModel) -> tuple[Sifted, Starts]:
+    """Estimate what is unknown: the best of some starts, the same ones at every call.
 
     Raises:
-        BagError: the robot has no pose at some joints.
+        BagError: there are too few poses, or none of the starts ends.
     """
-    left = model.left(values)
-    if left is None:
-        raise least_squares.unexplained()
-    return left
+    noise = model.noise
+    rng, spread = np.random.default_rng(0), model.told / model.preference
+    ends: list[Sifted] = []
+    failure: Exception | None = None
+    for tried in range(1, STARTS + 1):
+        beside = spread * rng.normal(size=len(spread)) if tried > 1 else 0.0 * spread
+        try:
+            ends.append(sifted(model, model.start + beside))
+        except (BagError, np.linalg.LinAlgError) as error:
+            failure = failure or error
+        if tried == 1 and ends and (ends[0].found.noise <= MOST_OF_NOISE * noise).all():
+            break
+    if failure is not None and not ends:
+        raise failure
+    left = [model.errors(each.found.values) for each in ends]
+    costs = [float(np.median(np.abs(each / noise))) for each in left]  # outliers do not count
+    best = int(np.argmin(costs))
+    near = ALIKE * ends[best].found.noise
+    same = [bool((np.abs(each - left[best]) < near).all()) for each in left]
+    rivals = sum(
+        cost < SIMILAR * costs[best] and not alike for cost, alike in zip(costs, same, strict=True)
+    )
+    return ends[same.index(True)], Starts(tried, sum(same), rivals)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.studies.calibration.tracker import Locator, Tracker, Unknown
-from parallel_robot_model.common.errors import InputError, ParallelRobotError, RobotError
+from parallel_robot_model.common.errors import BagError, InputError, ParallelRobotError, RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import parameters
 from parallel_robot_model.robots.registry import RobotModel
@@ -107,6 +107,7 @@ def _numbers(robot: RobotModel) -> Iterator[Number]:
             yield Number(parameter.key, None, parameter.field.unit)
 
 
+NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a good tracker, before its poses tell it
 TOLD = {'m': 0.01, 'rad': 0.01, 's': 0.001}  # a combination that is known worse is not told
 OF_TRACKER = 0.1  # how much what belongs to the tracker is to keep its value, beside the robot
 STEP = 1e-6  # m or rad, half the width of a difference
@@ -209,6 +210,19 @@ class PoseModel:
         return slice(first, first + self.track.position.shape[1])
 
     @property
+    def noise(self) -> Array:
+        """Standard deviation of the coordinates by a good tracker, shape (k,)."""
+        return np.array([NOISE[unit] for unit in self.units])
+
+    @property
+    def columns_by_unit(self) -> dict[str, list[int]]:
+        """Which measured coordinates have which unit."""
+        found: dict[str, list[int]] = {}
+        for k, unit in enumerate(self.units):
+            found.setdefault(unit, []).append(k)
+        return found
+
+    @property
     def told(self) -> Array:
         """Standard errors from which on a combination is not told, shape (P,)."""
         return np.array([TOLD[each.unit] for each in self.unknown])
@@ -261,6 +275,17 @@ class PoseModel:
         predicted = self.predicted(values)
         return None if predicted is None else self._tracker.apart(self.measured.pose, predicted)
 
+    def errors(self, values: Array) -> Array:
+        """The same, where the robot must have all poses.
+
+        Raises:
+            BagError: it has none at some joints.
+        """
+        left = self.left(values)
+        if left is None:
+            raise unexplained()
+        return left
+
     def slopes(self, values: Array, known: Collection[int] = ()) -> Array:
         """Derivatives of the predicted poses, shape (N, k, P); zero where the robot has none.
 
@@ -311,6 +336,11 @@ class PoseModel:
             if ahead is not None and back is not None:
                 found[:, :, k] = (ahead - back) / (2.0 * STEP)
         return found
+
+
+def unexplained() -> BagError:
+    """What is raised where a search does not end."""
+    return BagError('no geometry was found that explains the poses: least squares do not end')
 
 
 def _slopes(
