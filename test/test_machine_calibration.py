@@ -164,7 +164,7 @@ def test_quaternions_of_a_file_are_rotation_vectors_from_home(tmp_path):
     file = tmp_path / 'poses.csv'
     names = ['x', 'y', 'z', 'rx', 'ry', 'rz']
     np.savetxt(file, table, '%.12f', ',', header='t,qx,qy,qz,qw,x,y,z', comments='')
-    read = measured_poses.read_file(file, names, 0, home)
+    read, *_ = measured_poses.read_file(file, names, 0, home)
     assert [names[k] for k in read.columns] == names
     np.testing.assert_allclose(read.pose, np.column_stack([vectors, vectors]), atol=1e-9)
     for header, row, message in (

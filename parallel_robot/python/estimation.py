@@ -117,10 +117,10 @@ def calibrate(
         'design': design,
         'seed': seed,
     }
-    mode, file = bag_calibration.mode(options), arguments.optional('out', out)
+    designs, file = bag_calibration.wants_design(options), arguments.optional('out', out)
     picture = arguments.optional('figure', figure)
     check_files(file, picture, 'out')
-    if mode == bag_calibration.DESIGN:
+    if designs:
         name = named('scenario', scenario)
         chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
         chosen.write(file)

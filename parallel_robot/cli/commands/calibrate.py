@@ -83,7 +83,7 @@ def execute(arguments: argparse.Namespace) -> int:
         'from': arguments.start,
         'to': arguments.stop,
     }
-    if bag_calibration.mode(vars(arguments) | others) == bag_calibration.DESIGN:
+    if bag_calibration.wants_design(vars(arguments) | others):
         return _design(arguments)
     values = simulate.given(arguments)
     found = bag_calibration.calibrate(

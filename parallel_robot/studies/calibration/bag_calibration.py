@@ -41,7 +41,7 @@ from parallel_robot.studies.calibration.outliers import (
 )
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
@@ -50,7 +50,6 @@ from parallel_robot_model.common.errors import (
     RobotError,
     UnknownNameError,
     WholeNeededError,
-    printable,
 )
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part
@@ -135,24 +134,20 @@ def calibrate(
 
     def look(windows: Iterator[Recording]) -> tuple[RunLog, MeasuredPoses, NearStates, list[str]]:
         """The run without its states, the poses, the states near them, and warnings."""
-        told = AlikeLines()
-        found: tuple[RunLog, MeasuredPoses, NearStates] | None = None
-        remarks: list[str] = []
+        lines, near = AlikeLines(), None
         for window in windows:
             log = window.log
-            told.take(bag, log)
-            if found is None:
+            lines.take(bag, log)
+            if near is None:
+                head = run_log.head(log, 0)
                 measured, remarks = _measured(bag, log, poses, topic, states > KEPT)
-                robot, guess = nominal_of(log.config)
-                time = measured.time
-                most = margin(duration, states, len(time))
-                near = NearStates(robot, guess, known(log.config), time, most)
-                found = run_log.head(log, 0), measured, near
+                most = margin(duration, states, len(measured.time))
+                near = NearStates(*nominal_of(log.config), known(log.config), measured.time, most)
             with _naming(bag):
-                found[2].add(log)
-        if found is None:
+                near.add(log)
+        if near is None:
             raise WholeNeededError('no window has a state')
-        return *found, [*told.lines, *remarks]
+        return head, measured, near, [*lines.lines, *remarks]
 
     log, measured, near, warnings = recorded_robot.evaluated(
         look, bag, code=code, view=view, motion_only=True
@@ -182,14 +177,11 @@ def calibrate(
                 raise BagError(f'{error}; {hint}') from None
     model.watch = lambda _: None  # the bar is gone
     doubt = _judged(model, fit, hint)
-    judged = [f'{poses or bag}: {doubt}'] if doubt else []
+    warnings += _doubts(fit, tried, margin(duration, states, len(near.around)))
+    warnings += [f'{poses or bag}: {line}' for line in (hint, doubt) if line]
     if cause:
-        judged.append(f'{unlike} with {cause} they nearly are')
-    most = margin(duration, states, len(near.around))
-    if hint:
-        judged.insert(0, f'{poses or bag}: {hint}')
-    doubts = _doubts(fit, tried, most)
-    return Calibration(bag, model, fit, stray, robust, tried, (*warnings, *doubts, *judged))
+        warnings.append(f'{unlike} with {cause} they nearly are')
+    return Calibration(bag, model, fit, stray, robust, tried, tuple(warnings))
 
 
 def _measured(
@@ -200,40 +192,20 @@ def _measured(
         raise BagError(f'{bag}: {recorded_robot.unknown(log.config)}')
     robot, _ = nominal_of(log.config)
     names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
-    home, most, remarks = _home(robot), MOST if thinned else None, []
+    home, most = _home(robot), MOST if thinned else None
     if poses is not None:
-        file = measured_poses.read_file(poses, names, log.start_stamp, home, most)
-        total, measured = file.total, MeasuredPoses(file.time, file.columns, file.pose)
-        if file.unused:
-            listed = printable(', '.join(file.unused), 80)
-            remarks.append(f'{poses}: not used: the columns {listed}')
-        if file.missing:
-            remarks.append(f'{poses}: not used: {file.missing} lines without a pose')
+        measured, total, remarks = measured_poses.read_file(
+            poses, names, log.start_stamp, home, most
+        )
     else:
         found = measured_poses.read_topic(bag, topic, most=most)
-        total = found.total
-        if found.missing:
-            remarks.append(f'{bag}: not used: {found.missing} messages without a pose')
+        total, missing = found.total, f'{bag}: not used: {found.missing} messages without a pose'
+        remarks = [missing] if found.missing else []
         time = (found.stamps - log.start_stamp) / NANOSECONDS
         measured = MeasuredPoses(time, *_coordinates(robot, names, found, home))
     if len(measured.time) < total:
-        remarks.append(_thinned(poses or bag, total))
+        remarks.append(f'{poses or bag}: of {total} poses, {MOST} are used, evenly')
     return measured, remarks
-
-
-def _thinned(source: Path, count: int) -> str:
-    """That not all of so many poses are used, in words."""
-    return f'{source}: of {count} poses, {MOST} are used, evenly'
-
-
-def _evenly(measured: MeasuredPoses, source: Path, remarks: list[str]) -> MeasuredPoses:
-    """At most MOST of some poses; the remarks tell where there are more."""
-    count = len(measured.time)
-    if count <= MOST:
-        return measured
-    remarks.append(_thinned(source, count))
-    rows = np.linspace(0, count - 1, MOST).astype(int)
-    return MeasuredPoses(measured.time[rows], measured.columns, measured.pose[rows])
 
 
 def _home(robot: RobotModel) -> Rotation | None:
@@ -279,8 +251,11 @@ def _joined(
     outside = int((~inside).sum())
     if outside:
         remarks.append(f'{source}: not used: {outside} poses at times without joint states')
-    used = MeasuredPoses(measured.time[inside], measured.columns, measured.pose[inside])
-    return _evenly(used, source, remarks), remarks
+    rows = np.flatnonzero(inside)
+    if len(rows) > MOST:
+        remarks.append(f'{source}: of {len(rows)} poses, {MOST} are used, evenly')
+        rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
+    return measured.of(rows), remarks
 
 
 def _off(model: PoseModel) -> str:
@@ -379,25 +354,11 @@ def _naming(bag: Path) -> Iterator[None]:
 
 # What calibrating is asked for: the robot of a bag, or poses that tell most.
 
-BAG, DESIGN = 'bag', 'design'
-OF_BAG = (
-    *(
-        'poses',
-        'pose-topic',
-        'robust',
-        'figure',
-        'trust',
-        'topic',
-        'namespace',
-        'joints',
-        'override',
-    ),
-    *('from', 'to'),
-)
+OF_ROBOT = ('poses', 'pose-topic', 'robust', 'figure', 'trust')
 
 
-def mode(options: Mapping[str, Any]) -> str:
-    """Which of BAG and DESIGN some options ask for.
+def wants_design(options: Mapping[str, Any]) -> bool:
+    """Whether options ask for poses, not for the robot of a bag.
 
     Args:
         options: What was given, by the names of the command's options; None, False or an empty
@@ -406,25 +367,20 @@ def mode(options: Mapping[str, Any]) -> str:
     Raises:
         InputError: options do not go together.
     """
-    if options['bag'] is None:
-        if options['scenario'] is None or options['design'] is None:
-            raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
-        _check_free(options['free'])
-        refuse(options, OF_BAG, '--design reads no bag: no {}')
-        return DESIGN
-    _check_free(options['free'])
-    if options['design'] is not None:
-        raise InputError('--design reads no bag')
-    refuse(options, ('seed',), '{} goes with --design alone')
-    if options['poses'] is not None and options['pose-topic'] is not None:
-        raise InputError('--poses and --pose-topic exclude each other')
-    return BAG
-
-
-def _check_free(free: Collection[str]) -> None:
-    """Refuse what cannot be free of a tracker."""
+    design, free = options['bag'] is None, options['free']
+    if design and (options['scenario'] is None or options['design'] is None):
+        raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
     if isinstance(free, str):
         raise InputError(f'free must be a list of {", ".join(FREE)}, not {free!r}')
     for each in free:
         if each not in FREE:
             raise UnknownNameError('--free', str(each), FREE)
+    if design:
+        refuse(options, (*OF_ROBOT, *OF_BAG), '--design reads no bag: no {}')
+        return True
+    if options['design'] is not None:
+        raise InputError('--design reads no bag')
+    refuse(options, ('seed',), '{} goes with --design alone')
+    if options['poses'] is not None and options['pose-topic'] is not None:
+        raise InputError('--poses and --pose-topic exclude each other')
+    return False

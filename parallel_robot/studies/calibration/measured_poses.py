@@ -17,7 +17,7 @@ from parallel_robot.bags.bag_reader import Messages
 from parallel_robot.bags.limits import MEMORY, SortedRows
 from parallel_robot.bags.messages.message_arrays import FIRST
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot.studies.calibration.pose_model import JointTrack
+from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses
 from parallel_robot.studies.calibration.tracker import TURNS
 from parallel_robot_model.common.errors import BagError, InputError, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array
@@ -36,24 +36,13 @@ LENGTH = 0.01  # by which that of a quaternion may differ from 1
 MISSING = ('', 'nan')  # what stands where a tracker saw nothing
 
 
-class TrackerFile(NamedTuple):
-    """Poses of a file."""
-
-    time: Array  # when they were measured [s], since the start of the bag, shape (N,)
-    columns: tuple[int, ...]  # numbers of the coordinates that it has, k of them
-    pose: Array  # the coordinates in the units of the robot, shape (N, k)
-    unused: tuple[str, ...]  # names of other columns
-    missing: int  # number of lines without a pose
-    total: int  # number of the others
-
-
 def read_file(
     path: Path,
     coordinates: Sequence[str],
     start: int,
     home: Rotation | None = None,
     most: int | None = None,
-) -> TrackerFile:
+) -> tuple[MeasuredPoses, int, list[str]]:
     """Read a file with a header: ``t`` [s] or ``stamp`` [ns], and coordinates of the pose.
 
     Args:
@@ -63,6 +52,9 @@ def read_file(
         home: Attitude from which its rotation vector counts, which the QUATERNION of the end
             effector may tell in its place; None: it has none.
         most: How many poses are wanted, evenly; None: all.
+
+    Returns:
+        The poses, how many there are in the file, and what was not used, one line each.
 
     Raises:
         InputError: it cannot be read, a line is wrong, or there is no room to keep the poses.
@@ -89,9 +81,9 @@ def read_file(
                 rows.extend(numbers := [_number(where, cell) for cell in cells])
                 _check_length(where, columns, numbers)
                 if len(rows) > AT_ONCE:
-                    _keep(kept, rows, len(columns))
+                    kept.add(*_table(rows, len(columns)))
                     rows = array('d')
-            _keep(kept, rows, len(columns))
+            kept.add(*_table(rows, len(columns)))
     except OSError as error:
         raise InputError(f'cannot read {path}: {error.strerror}') from None
     except UnicodeDecodeError:
@@ -101,20 +93,23 @@ def read_file(
     if not kept.count:
         raise InputError(f'{path} holds no pose')
     times, pose = kept.evenly(most)
-    unused = tuple(name for name in header if name not in (time, *columns))
+    unused = ', '.join(name for name in header if name not in (time, *columns))
+    remarks = [f'{path}: not used: the columns {printable(unused, 80)}'] if unused else []
+    if missing:
+        remarks.append(f'{path}: not used: {missing} lines without a pose')
     if home and QUATERNION[0] in columns:
         at = columns.index(QUATERNION[0])
         turned = Rotation.from_quat(pose[:, at:]) * home.inv()
         pose = np.column_stack([pose[:, :at], turned.as_rotvec()])
         columns = [*columns[:at], *TURNS]
     found = tuple(coordinates.index(name) for name in columns)
-    return TrackerFile(times, found, pose, unused, missing, kept.count)
+    return MeasuredPoses(times, found, pose), kept.count, remarks
 
 
-def _keep(kept: SortedRows, rows: array[float], width: int) -> None:
-    """Keep rows of a time and so many coordinates."""
+def _table(rows: array[float], width: int) -> tuple[Array, Array]:
+    """Times, and as many coordinates of each."""
     table = np.frombuffer(rows, np.float64).reshape(-1, 1 + width)
-    kept.add(table[:, 0], table[:, 1:])
+    return table[:, 0], table[:, 1:]
 
 
 def _columns(
@@ -131,7 +126,7 @@ def _columns(
 
 
 def _check_rotation(path: Path, columns: Sequence[str]) -> None:
-    """Refuse a part of a quaternion, and a quaternion beside a rotation vector."""
+    """Refuse a part of a quaternion, and one beside a rotation vector."""
     parts = [name for name in columns if name in QUATERNION]
     other = [name for name in columns if name in TURNS]
     if parts and (len(parts) < len(QUATERNION) or other):

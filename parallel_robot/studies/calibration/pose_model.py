@@ -132,6 +132,10 @@ class MeasuredPoses(NamedTuple):
     columns: tuple[int, ...]  # numbers of the coordinates that were measured, k of them
     pose: Array  # the coordinates, shape (N, k)
 
+    def of(self, rows: np.ndarray) -> MeasuredPoses:
+        """Some of them, by a mask or by their numbers."""
+        return MeasuredPoses(self.time[rows], self.columns, self.pose[rows])
+
 
 class PoseModel:
     """Measured poses as a function of geometry, zero angles and tracker."""
@@ -192,8 +196,7 @@ class PoseModel:
     def of(self, rows: Array) -> PoseModel:
         """The same of some of the poses, which a mask of shape (N,) tells."""
         part = copy.copy(self)
-        time, columns, pose = self.measured
-        part.measured = MeasuredPoses(time[rows], columns, pose[rows])
+        part.measured = self.measured.of(rows)
         part.nominal = self.nominal[rows]
         part._differentiated = None
         return part

@@ -13,6 +13,9 @@ from parallel_robot.bags import output
 from parallel_robot_model.common.tables import ShownResult
 from parallel_robot_model.configuration import config
 
+# Options of how a bag is read, which a design has not.
+OF_BAG = ('topic', 'namespace', 'joints', 'override', 'from', 'to')
+
 
 class WrittenResult(ShownResult):
     """A result that is some keys of the configuration."""

@@ -17,7 +17,7 @@ from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
 from parallel_robot.studies.identification.identified import Identified, Prediction
 from parallel_robot.studies.identification.measured_motion import RunMotion
@@ -336,7 +336,6 @@ def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
 
 ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
 OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out', 'torque-constant')
-OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'from', 'to')
 
 
 def mode(options: Mapping[str, Any]) -> str:
@@ -352,8 +351,7 @@ def mode(options: Mapping[str, Any]) -> str:
     if (options['bag'] is None) == (options['design'] is None):
         raise InputError('identify takes either a bag or --design SCENARIO')
     if options['design'] is not None:
-        none = ('rest', *OF_ROBOT, *OF_BAG)
-        refuse(options, none, '--design reads no bag: no {}')
+        refuse(options, ('rest', *OF_ROBOT, 'scenario', *OF_BAG), '--design reads no bag: no {}')
         return DESIGN
     refuse(options, ('trials', 'seed'), '{} goes with --design alone')
     if options['rest']:
