@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from parallel_robot.studies.calibration import design, least_squares, pose_model, readable
+from parallel_robot.studies.calibration import calibrated, design, least_squares, pose_model
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import Locator
 from parallel_robot_control.configuration import nominal_of, resolve
@@ -124,7 +124,7 @@ def test_intervals_hold_the_truth_and_the_robot_is_near_the_true_one(parallel):
             for values in (found.values, truth)
         ]
         errors.append(np.sqrt((((both[0] - both[1])[:, :2]) ** 2).sum(axis=1).mean()))
-        expected = readable.expected_error(model, found)['m']
+        expected = calibrated.expected_error(model, found)['m']
         assert errors[-1] < 3.0 * expected
     assert 0.90 <= np.mean(inside) <= 0.99
     assert max(errors) < 15e-6
@@ -149,7 +149,7 @@ def test_without_its_angle_nobody_knows_how_the_platform_is_counted(parallel):
     model = parallel.model(pose, columns=(0, 1))
     found = least_squares.fit(model)
     assert len(found.untold) == 2 and spans(found, model, CLOCK, AROUND)
-    [line] = [line for line in readable.untold(model, found) if 'platform' in line]
+    [line] = [line for line in calibrated.untold(model, found) if 'platform' in line]
     assert line.count('+0.58 robot.platform_angle') == 3
     assert not found.half_widths[list(found.kept)].any()
 

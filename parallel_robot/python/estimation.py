@@ -9,7 +9,7 @@ from typing import Any, Literal, overload
 from parallel_robot.bags.run import joint_table, recorded_robot
 from parallel_robot.python import arguments
 from parallel_robot.studies.calibration import bag_calibration
-from parallel_robot.studies.calibration.bag_calibration import Calibration
+from parallel_robot.studies.calibration.calibrated import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
 from parallel_robot.studies.estimation.result_files import check_files

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +21,8 @@ from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import (
     least_squares,
     measured_poses,
-    readable,
 )
+from parallel_robot.studies.calibration.calibrated import Calibration, rms
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
 from parallel_robot.studies.calibration.measured_poses import (
@@ -41,7 +40,7 @@ from parallel_robot.studies.calibration.outliers import (
 )
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
-from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
+from parallel_robot.studies.estimation.result_files import OF_BAG
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
@@ -52,7 +51,6 @@ from parallel_robot_model.common.errors import (
     WholeNeededError,
 )
 from parallel_robot_model.common.options import refuse
-from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import known
 from parallel_robot_model.processes.blas_threads import one_blas_thread
@@ -63,46 +61,6 @@ MOST = 20_000  # poses that are used
 MOST_LEFT = 0.2  # of what was left before: more is no result, if it is also MOST_OF_NOISE
 AT_REST = 10  # pairs of poses that tell the noise of their tracker
 NAMED = 5  # outliers that a warning lists
-
-
-@dataclass(frozen=True, repr=False)
-class Calibration(WrittenResult):
-    """What measured poses tell of a robot."""
-
-    bag: Path
-    model: PoseModel  # what was looked for, by the poses that were used
-    found: Fit  # what was found
-    outliers: tuple[Outlier, ...]  # poses that the others do not predict
-    robust: bool  # whether these are left out
-    starts: Starts  # how many starts of the search agree
-    warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
-
-    @property
-    def robot(self) -> RobotModel:
-        """The calibrated robot."""
-        return self.model.robot_with(self.found.values)
-
-    def groups(self) -> dict[str, dict[str, Any]]:
-        """The robot as keys of the configuration, by group."""
-        return readable.parameter_groups(self.model, self.found)
-
-    def header(self) -> list[str]:
-        """How it was found."""
-        return readable.header(
-            self.model, self.found, str(self.bag), len(self.outliers), self.robust
-        )
-
-    def parts(self) -> list[Part]:
-        """The results as tables."""
-        return readable.parts(self.model, self.found)
-
-    def as_data(self) -> dict[str, Any]:
-        """The results as plain data, as ``--format json`` has them."""
-        return readable.as_data(self.model, self.found, self.outliers, self.starts)
-
-    def draw(self) -> Any:
-        """Draw the errors before and after, and the changes."""
-        return readable.draw(self.model, self.found)
 
 
 @one_blas_thread()
@@ -266,7 +224,7 @@ def _off(model: PoseModel) -> str:
 def _rms(model: PoseModel, left: Array) -> str:
     """What is left of poses, rms, by unit, for people."""
     return ' and '.join(
-        f'{1e3 * readable.rms(left[:, columns]):.3g} m{unit}'
+        f'{1e3 * rms(left[:, columns]):.3g} m{unit}'
         for unit, columns in model.columns_by_unit.items()
     )
 
@@ -275,11 +233,10 @@ def _named(model: PoseModel, stray: tuple[Outlier, ...], left_out: bool) -> str:
     """Poses that the others do not tell, in one line, the worst ones first; empty if none."""
     if not stray:
         return ''
-    axes = model.robot.module.coordinates(model.robot.parameters)
 
     def shown(each: Outlier) -> str:
         k = int(np.argmax(each.share))
-        axis = axes[model.measured.columns[k]]
+        axis = model.axes[k]
         return f't = {each.time:.3f} s ({axis.name} by {1e3 * each.off[k]:.3g} m{axis.unit})'
 
     ordered = sorted(stray, key=lambda each: -each.share.max())

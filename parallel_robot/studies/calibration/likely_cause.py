@@ -106,8 +106,7 @@ def _free_text(free: Collection[str]) -> str:
 
 def _readings(model: PoseModel, seen: Array) -> Iterator[tuple[str, Array, bool]]:
     """Poses with other units, mirrored and swapped axes: how, shape (N, k), if by one change."""
-    axes = model.robot.module.coordinates(model.robot.parameters)
-    names = [axes[k].name for k in model.measured.columns]
+    names = [axis.name for axis in model.axes]
     columns = {unit: [k for k, each in enumerate(model.units) if each == unit] for unit in UNITS}
     for texts in itertools.product(*UNITS.values()):
         pose = seen.copy()

@@ -12,6 +12,7 @@ from parallel_robot.studies.calibration.tracker import Locator, Tracker, Unknown
 from parallel_robot_model.common.errors import BagError, InputError, ParallelRobotError, RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import parameters
+from parallel_robot_model.robots.contract import Coordinate
 from parallel_robot_model.robots.registry import RobotModel
 
 # The parameters of a robot on which its forward kinematics depends, as a vector.
@@ -211,6 +212,12 @@ class PoseModel:
         """Where the zero angles stand among the unknown."""
         first = len(self.numbers)
         return slice(first, first + self.track.position.shape[1])
+
+    @property
+    def axes(self) -> list[Coordinate]:
+        """The measured coordinates."""
+        every = self.robot.module.coordinates(self.robot.parameters)
+        return [every[k] for k in self.measured.columns]
 
     @property
     def noise(self) -> Array:
