@@ -30,9 +30,10 @@ from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
-from parallel_robot_model.common.units import HINGES, Array, JointUnits
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field, check, known
 from parallel_robot_model.robots.contract import REACHED
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import preflight
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Reference, Trajectory
@@ -109,9 +110,7 @@ INNER = 7  # points of a way between its ends, and of a rest
 class Designed(WrittenResult):
     """Poses that tell most."""
 
-    robot: str  # name of the robot
-    names: tuple[str, ...]  # names of the coordinates
-    units: tuple[str, ...]  # their units
+    robot: RobotModel
     joints: tuple[str, ...]  # names of the joints
     time: Array  # middle of the rest at each pose [s], shape (N,)
     poses: Array  # the poses in the order in which they are visited, shape (N, m)
@@ -121,35 +120,37 @@ class Designed(WrittenResult):
     error: float
     at_random: float  # the same with as many poses at random, the median of RANDOM choices
     condition: float  # condition number of what is looked for
-    unit: str  # unit of the errors
     motion: dict[str, dict[str, Any]]  # keys of a motion that visits them
-    joint_units: JointUnits = HINGES  # units of the joints
+
+    @property
+    def unit(self) -> str:
+        """Unit of the errors."""
+        return 'm' if self.robot.place else self.robot.joint_units.of('rad')
 
     def parts(self) -> list[Part]:
         """The poses, and what they tell."""
         poses = np.column_stack((self.time, self.poses, self.position))
         rows = [[f'{value:.5f}' for value in row] for row in poses]
-        coordinates = zip(self.names, self.units, strict=True)
-        head = ['t [s]', *(f'{name} [{unit}]' for name, unit in coordinates)]
-        head += [
-            f'{joint} [{self.joint_units.one(k).of("rad")}]' for k, joint in enumerate(self.joints)
-        ]
-        size = f'{len(self.poses)} poses'
+        units = self.robot.joint_units
+        axes = self.robot.module.coordinates(self.robot.parameters)
+        head = ['t [s]', *(f'{axis.name} [{axis.unit}]' for axis in axes)]
+        head += [f'{joint} [{units.one(k).of("rad")}]' for k, joint in enumerate(self.joints)]
         noise = f'noise of {1e6 * NOISE["m"]:g} µm and {1e6 * NOISE["rad"]:g} µrad'
         error, at_random = (f'{1e6 * each:.3g}' for each in (self.error, self.at_random))
         return [
             Table(head, rows, 'r'),
             f'error of the calibrated robot that is to be expected, rms, with a {noise}: '
-            f'{error} µ{self.unit}; by {size} at random {at_random}',
+            f'{error} µ{self.unit}; by {len(rows)} poses at random {at_random}',
             f'condition number {self.condition:.4g}',
         ]
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
+        names = [axis.name for axis in self.robot.module.coordinates(self.robot.parameters)]
         return {
-            'robot': self.robot,
+            'robot': self.robot.name,
             'time_s': self.time.tolist(),
-            'poses': [dict(zip(self.names, pose.tolist(), strict=True)) for pose in self.poses],
+            'poses': [dict(zip(names, pose.tolist(), strict=True)) for pose in self.poses],
             'joints_rad': [dict(zip(self.joints, q.tolist(), strict=True)) for q in self.position],
             f'error_rms_{self.unit}': self.error,
             f'at_random_rms_{self.unit}': self.at_random,
@@ -162,11 +163,8 @@ class Designed(WrittenResult):
 
     def header(self) -> list[str]:
         """What it is."""
-        count = len(self.poses)
-        return [
-            f'{count} poses of {self.robot} that tell most of its geometry, with {REST:g} s of '
-            'rest at each.'
-        ]
+        what = f'{len(self.poses)} poses of {self.robot.name} that tell most of its geometry'
+        return [f'{what}, with {REST:g} s of rest at each.']
 
 
 def design(
@@ -226,11 +224,8 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     ordered = _ordered(position, chosen)
     motion, rests = _motion(values, trajectory, centre, poses[ordered])
     singular = np.linalg.svd(J[chosen].reshape(-1, len(told)), compute_uv=False)
-    axes = robot.module.coordinates(robot.parameters)
     return Designed(
-        robot.name,
-        tuple(axis.name for axis in axes),
-        tuple(axis.unit for axis in axes),
+        robot,
         joints,
         rests,
         poses[ordered],
@@ -238,9 +233,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
         error,
         float(np.median(at_random)),
         condition_number(singular),
-        'm' if robot.place else robot.joint_units.of('rad'),
         motion,
-        robot.joint_units,
     )
 
 

@@ -26,11 +26,11 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety.limiting import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
-from parallel_robot_model.common.units import HINGES, Array, JointUnits
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field, check, group
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.joint_load import FrictionParameters
-from parallel_robot_model.robots.registry import units_of
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.configuration import trajectory_of
 from trajectory_gen.trajectory import Reference
 
@@ -38,6 +38,8 @@ SAMPLES = 300  # of a motion, for the search
 SHARE = 0.5  # of the largest speed and torque that a motion may take
 ROUNDS = 25  # halvings of the amplitude
 SHAPE = 'excitation'
+TRIALS = 2500
+SEED = 0
 
 
 class Quality(NamedTuple):
@@ -51,14 +53,52 @@ class Quality(NamedTuple):
 NOTHING = Quality(0.0, np.inf)
 
 
-@dataclass(frozen=True)
-class Design:
-    """An exciting trajectory."""
+@dataclass(frozen=True, repr=False)
+class Designed(WrittenResult):
+    """An exciting motion."""
 
     parameters: dict[str, Any]  # the keys ``excitation.*`` that describe it
-    quality: Quality  # what it shows of the parameters
+    quality: Quality  # what it shows of the parameters of the robot
     # what the coefficients show with which the search began; None if not feasible
     before: Quality | None
+    robot: RobotModel
+    trials: int  # number of motions that were tried
+    seed: int  # seed of the search
+
+    def parts(self) -> list[Part]:
+        """What it shows of the parameters, before the search and now."""
+        rows = [
+            [name, f'{quality.weakest:.4g}', f'{quality.condition:.4g}']
+            for name, quality in (('before', self.before), ('now', self.quality))
+            if quality is not None
+        ]
+        weakest = self.robot.joint_units.label('weakest combination [N m]')
+        return [Table(['', weakest, 'condition number'], rows)]
+
+    def as_data(self) -> dict[str, Any]:
+        """The same as plain data."""
+        return {
+            'robot': self.robot.name,
+            'trials': self.trials,
+            'seed': self.seed,
+            **{
+                name: {'weakest_nm': each.weakest, 'condition_number': each.condition}
+                for name, each in (('before', self.before), ('now', self.quality))
+                if each is not None
+            },
+        }
+
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """The coefficients, and where the motion begins."""
+        plant = {'initial_pose': self.parameters['center']}
+        return {SHAPE: self.parameters, 'plant': plant}
+
+    def header(self) -> list[str]:
+        """What was searched, and how."""
+        return [
+            f'Exciting trajectory for {self.robot.name}: condition number '
+            f'{self.quality.condition:.4g} ({self.trials} trials, seed {self.seed}).'
+        ]
 
 
 class Search:
@@ -144,7 +184,7 @@ class Search:
         return best, low * coefficients
 
 
-def design(values: Mapping[str, Any], trials: int, seed: int) -> Design:
+def design(values: Mapping[str, Any], trials: int, seed: int) -> Designed:
     """Search for coefficients, by an evolution strategy with one parent and one child.
 
     Args:
@@ -180,63 +220,9 @@ def design(values: Mapping[str, Any], trials: int, seed: int) -> Design:
         raise InputError(f'excitation.center {centre}: no motion about it is feasible')
     parent = np.trunc(parent * 1e5) / 1e5  # towards zero: within the limits still
     sine, cosine = (half.tolist() for half in np.split(parent, [len(parent) // 2]))
-    shape = search.start._asdict() | {'sine': sine, 'cosine': cosine}
-    return Design({**shape, 'center': list(map(float, shape['center']))}, best, before)
-
-
-# An exciting motion that was searched for, in words and as YAML.
-
-TRIALS = 2500
-SEED = 0
-
-
-@dataclass(frozen=True, repr=False)
-class Designed(WrittenResult):
-    """An exciting motion."""
-
-    design: Design  # the motion, and what it shows
-    robot: str  # name of its robot
-    trials: int  # number of motions that were tried
-    seed: int  # seed of the search
-    units: JointUnits = HINGES  # units of the joints
-
-    def parts(self) -> list[Part]:
-        """What it shows of the parameters, before the search and now."""
-        rows = [
-            [name, f'{quality.weakest:.4g}', f'{quality.condition:.4g}']
-            for name, quality in (('before', self.design.before), ('now', self.design.quality))
-            if quality is not None
-        ]
-        weakest = self.units.label('weakest combination [N m]')
-        return [Table(['', weakest, 'condition number'], rows)]
-
-    def as_data(self) -> dict[str, Any]:
-        """The same as plain data."""
-        found = self.design
-        qualities = {'before': found.before, 'now': found.quality}
-        return {
-            'robot': self.robot,
-            'trials': self.trials,
-            'seed': self.seed,
-            **{
-                name: {'weakest_nm': each.weakest, 'condition_number': each.condition}
-                for name, each in qualities.items()
-                if each is not None
-            },
-        }
-
-    def groups(self) -> dict[str, dict[str, Any]]:
-        """The coefficients, and where the motion begins."""
-        found = self.design.parameters
-        return {SHAPE: found, 'plant': {'initial_pose': found['center']}}
-
-    def header(self) -> list[str]:
-        """What was searched, and how."""
-        condition = self.design.quality.condition
-        return [
-            f'Exciting trajectory for {self.robot}: condition number {condition:.4g} '
-            f'({self.trials} trials, seed {self.seed}).'
-        ]
+    centre = list(map(float, search.start.center))
+    shape = search.start._asdict() | {'sine': sine, 'cosine': cosine, 'center': centre}
+    return Designed(shape, best, before, search.robot, trials, seed)
 
 
 @one_blas_thread()
@@ -256,7 +242,4 @@ def search(
     """
     trials = check('--trials', int, Field('', '', 1), TRIALS if trials is None else trials)
     seed = check('--seed', int, Field('', '', 0), SEED if seed is None else seed)
-    values = resolve(scenario, changes)
-    return Designed(
-        design(values, trials, seed), values['robot_model'], trials, seed, units_of(values)
-    )
+    return design(resolve(scenario, changes), trials, seed)
