@@ -117,10 +117,11 @@ def calibrate(
         'design': design,
         'seed': seed,
     }
-    designs, file = bag_calibration.wants_design(options), arguments.optional('out', out)
+    bag_calibration.check_options(options)
+    file = arguments.optional('out', out)
     picture = arguments.optional('figure', figure)
     check_files(file, picture, 'out')
-    if designs:
+    if bag is None:
         name = named('scenario', scenario)
         chosen = designed(name, changes(param_file, values), design or 0, free, seed or 0)
         chosen.write(file)
@@ -243,18 +244,18 @@ def identify(
         'set': values,
         'param-file': param_file,
     }
-    mode = bag_identification.mode(options)
+    bag_identification.check_options(options)
     robot, picture = arguments.optional('out', out), arguments.optional('figure', figure)
     second = arguments.optional('validate', validate)
     check_files(robot, picture, 'out')
-    if mode == bag_identification.DESIGN:
+    if design is not None:
         scenario = named('design', design)
         motion = search(scenario, changes(param_file, values), trials, seed)
         motion.write(robot)
         return motion
     place = arguments.path('a bag', bag)
     view = arguments.view({**of_bag, **values, 'param_file': param_file})
-    if mode == bag_identification.REST:
+    if rest:
         return bag_identification.at_rest(place, view)
     view = view._replace(torque_constant=_constants(torque_constant))
     share = bag_identification.HOLD_OUT if hold_out is None else hold_out

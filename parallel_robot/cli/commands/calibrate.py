@@ -83,7 +83,8 @@ def execute(arguments: argparse.Namespace) -> int:
         'from': arguments.start,
         'to': arguments.stop,
     }
-    if bag_calibration.wants_design(vars(arguments) | others):
+    bag_calibration.check_options(vars(arguments) | others)
+    if arguments.bag is None:
         return _design(arguments)
     values = simulate.given(arguments)
     found = bag_calibration.calibrate(

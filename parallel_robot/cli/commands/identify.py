@@ -102,13 +102,13 @@ def execute(arguments: argparse.Namespace) -> int:
         'from': arguments.start,
         'to': arguments.stop,
     }
-    mode = bag_identification.mode(vars(arguments) | others)
-    if mode == bag_identification.DESIGN:
+    bag_identification.check_options(vars(arguments) | others)
+    if arguments.design is not None:
         return _design(arguments)
     bag = arguments.bag
     view = bag_view(arguments, simulate.given(arguments))
     view = view._replace(torque_constant=arguments.torque_constant or ())
-    if mode == bag_identification.REST:
+    if arguments.rest:
         still = bag_identification.at_rest(bag, view)
         show(arguments.format, still.parts(), {'rest': still.as_data()})
         return 0

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Collection, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,13 +40,12 @@ from parallel_robot.studies.calibration.outliers import (
 )
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
+from parallel_robot.studies.estimation.fit import named_errors
 from parallel_robot.studies.estimation.result_files import OF_BAG
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
     InputError,
-    KinematicsError,
-    RobotError,
     UnknownNameError,
     WholeNeededError,
 )
@@ -61,6 +60,8 @@ MOST = 20_000  # poses that are used
 MOST_LEFT = 0.2  # of what was left before: more is no result, if it is also MOST_OF_NOISE
 AT_REST = 10  # pairs of poses that tell the noise of their tracker
 NAMED = 5  # outliers that a warning lists
+
+_naming = partial(named_errors, f'the poses do not tell a geometry ({{}}): tried: {TRIED}')
 
 
 @one_blas_thread()
@@ -296,26 +297,13 @@ def _doubts(found: Fit, tried: Starts, most: float) -> list[str]:
     return lines
 
 
-@contextlib.contextmanager
-def _naming(bag: Path) -> Iterator[None]:
-    """Errors of a bag with its name."""
-    try:
-        yield
-    except (BagError, KinematicsError, RobotError) as error:
-        raise BagError(f'{bag}: {error}') from None
-    except np.linalg.LinAlgError as error:
-        raise BagError(
-            f'{bag}: the poses do not tell a geometry ({error}): tried: {TRIED}'
-        ) from None
-
-
 # What calibrating is asked for: the robot of a bag, or poses that tell most.
 
 OF_ROBOT = ('poses', 'pose-topic', 'robust', 'figure', 'trust')
 
 
-def wants_design(options: Mapping[str, Any]) -> bool:
-    """Whether options ask for poses, not for the robot of a bag.
+def check_options(options: Mapping[str, Any]) -> None:
+    """Refuse options that do not go together: without a bag, they ask for poses.
 
     Args:
         options: What was given, by the names of the command's options; None, False or an empty
@@ -334,10 +322,9 @@ def wants_design(options: Mapping[str, Any]) -> bool:
             raise UnknownNameError('--free', str(each), FREE)
     if design:
         refuse(options, (*OF_ROBOT, *OF_BAG), '--design reads no bag: no {}')
-        return True
+        return
     if options['design'] is not None:
         raise InputError('--design reads no bag')
     refuse(options, ('seed',), '{} goes with --design alone')
     if options['poses'] is not None and options['pose-topic'] is not None:
         raise InputError('--poses and --pose-topic exclude each other')
-    return False

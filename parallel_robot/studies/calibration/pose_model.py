@@ -252,15 +252,6 @@ class PoseModel:
         """
         return with_values(self.robot, self.numbers, values[: len(self.numbers)])
 
-    def predicted(self, values: Array) -> Array | None:
-        """What should have been measured, shape (N, k); None where the robot has no pose.
-
-        Args:
-            values: Of the unknown, shape (P,).
-        """
-        poses = self.poses(values)
-        return None if poses is None else self._tracker.seen(poses, values[self._of_tracker])
-
     def poses(self, values: Array) -> Array | None:
         """Poses of the robot in its own frame, shape (N, m); None where it has none."""
         self._tried += 1
@@ -281,9 +272,15 @@ class PoseModel:
         return self.track.at(self.measured.time - values[-1]) - values[self.zeros]
 
     def left(self, values: Array) -> Array | None:
-        """Measured less predicted, see :meth:`Tracker.apart`, shape (N, k)."""
-        predicted = self.predicted(values)
-        return None if predicted is None else self._tracker.apart(self.measured.pose, predicted)
+        """Measured less predicted poses, shape (N, k); None where the robot has no pose.
+
+        See :meth:`Tracker.apart`; the values of the unknown are of shape (P,).
+        """
+        poses = self.poses(values)
+        if poses is None:
+            return None
+        predicted = self._tracker.seen(poses, values[self._of_tracker])
+        return self._tracker.apart(self.measured.pose, predicted)
 
     def errors(self, values: Array) -> Array:
         """The same, where the robot must have all poses.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import contextlib
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from parallel_robot_model.common.errors import BagError, KinematicsError, RobotError
 from parallel_robot_model.common.units import Array
 
 
@@ -28,6 +31,26 @@ class Fit:
     def half_widths(self) -> Array:
         """Half widths of their 95 % intervals, shape (P,)."""
         return np.asarray(self.interval * self.standard_errors)
+
+
+@contextlib.contextmanager
+def named_errors(unsolvable: str, bag: Path, doubt: str = '') -> Iterator[None]:
+    """Errors of a bag with its name, and with what else is in doubt.
+
+    Args:
+        unsolvable: What to say where a matrix is singular, with {} for the reason.
+        bag: The bag.
+        doubt: What else may be wrong; empty: nothing.
+
+    Raises:
+        BagError: the block cannot use the bag.
+    """
+    try:
+        yield
+    except (BagError, KinematicsError, RobotError) as error:
+        raise BagError(f'{bag}: {error}{"; " if doubt else ""}{doubt}') from None
+    except np.linalg.LinAlgError as error:
+        raise BagError(f'{bag}: {unsolvable.format(error)}') from None
 
 
 def condition_number(singular: np.ndarray) -> float:

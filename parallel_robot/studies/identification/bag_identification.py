@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from numbers import Real
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +17,7 @@ from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
+from parallel_robot.studies.estimation.fit import named_errors
 from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
 from parallel_robot.studies.identification.identified import Identified, Prediction
@@ -38,6 +39,8 @@ from parallel_robot_sim.plant import PlantParameters
 
 HOLD_OUT = 1.0 / 3.0  # of the time, at the end
 MOST_HELD_OUT = 0.9
+
+_naming = partial(named_errors, f'{least_squares.NOT_THESE_INERTIAS}: {{}}')
 
 
 @dataclass(frozen=True, repr=False)
@@ -321,25 +324,13 @@ def _untold(log: RunLog) -> str:
     return next(lines, '')
 
 
-@contextlib.contextmanager
-def _naming(bag: Path, doubt: str = '') -> Iterator[None]:
-    """Errors of a bag with its name, and with what else is in doubt."""
-    try:
-        yield
-    except BagError as error:
-        raise BagError(f'{bag}: {error}{"; " if doubt else ""}{doubt}') from None
-    except np.linalg.LinAlgError as error:
-        raise BagError(f'{bag}: {least_squares.NOT_THESE_INERTIAS}: {error}') from None
-
-
 # What identifying is asked for: a robot, only the noise at rest, or an exciting motion.
 
-ROBOT, REST, DESIGN = 'robot', 'rest', 'design'
 OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out', 'torque-constant')
 
 
-def mode(options: Mapping[str, Any]) -> str:
-    """Which of ROBOT, REST and DESIGN some options ask for.
+def check_options(options: Mapping[str, Any]) -> None:
+    """Refuse options that do not go together.
 
     Args:
         options: What was given, by the names of the command's options; None, False or an empty
@@ -352,9 +343,7 @@ def mode(options: Mapping[str, Any]) -> str:
         raise InputError('identify takes either a bag or --design SCENARIO')
     if options['design'] is not None:
         refuse(options, ('rest', *OF_ROBOT, 'scenario', *OF_BAG), '--design reads no bag: no {}')
-        return DESIGN
+        return
     refuse(options, ('trials', 'seed'), '{} goes with --design alone')
     if options['rest']:
         refuse(options, ('out', *OF_ROBOT), '--rest identifies no robot: no {}')
-        return REST
-    return ROBOT
