@@ -119,72 +119,64 @@ class LongestStretch:
             if abs(factor - 1.0) > two_sources.NEAR:  # as of motors that give less
                 command[:, joint] *= factor
         tried = np.append(0.0, np.geomspace(SHOWN * period, LONGEST_LAG, TRIED - 1))
-        joints = [*zip(command.T, effort.T, strict=True)]
-        off = np.array([_squares(*joint, tried, period, warm) for joint in joints])
+        joints = [_Joint(*each, period, warm) for each in zip(command.T, effort.T, strict=True)]
+        off = np.array([[joint.squares(lag) for lag in tried] for joint in joints])
         delay = int(off.min(axis=1).sum(axis=0).argmin())
         found = [
-            _nearest(tried, of_joint, delay, *joint, period, warm)
+            joint.nearest(tried, of_joint, delay)
             for of_joint, joint in zip(off[..., delay], joints, strict=True)
         ]
-        if any(
-            part > UNLIKE * np.sum(joint[1] ** 2)
-            for part, joint in zip(off.min(axis=(1, 2)), joints, strict=True)
-        ):
+        if (off.min(axis=(1, 2)) > UNLIKE * np.sum(effort**2, axis=0)).any():
             return None  # efforts do not follow the commands
         values, half_widths = np.array(found).T
         return MotorLag(values, half_widths, delay * period, period)
 
 
-def _followed(command: Array, lag: float, period: float) -> Array:
-    """Means over the periods from each command on of a lag behind them [N m], shape (N,)."""
-    kept = np.exp(-period / lag) if lag > 0.0 else 0.0
-    begin = command[0] + lfilter([0.0, 1.0 - kept], [1.0, -kept], command - command[0])
-    return np.asarray(command + (begin - command) * (1.0 - kept) * lag / period)
+class _Joint(NamedTuple):
+    """Commands and efforts of a joint."""
 
+    command: Array  # [N m], shape (N,)
+    effort: Array  # [N m], shape (N,)
+    period: float  # of the samples [s]
+    warm: int  # samples after which what was before the first command is forgotten
 
-def _squares(
-    command: Array, effort: Array, tried: Array, period: float, warm: int
-) -> list[list[float]]:
-    """Sums of what is left of the efforts, by the time constants that are tried and the delay."""
-    return [
-        [float(np.sum(_left(followed, delay, effort, warm) ** 2)) for delay in range(LATEST + 1)]
-        for followed in (_followed(command, lag, period) for lag in tried)
-    ]
+    def followed(self, lag: float) -> Array:
+        """Means over the periods from each command on of a lag behind them [N m], shape (N,)."""
+        command = self.command
+        kept = np.exp(-self.period / lag) if lag > 0.0 else 0.0
+        begin = command[0] + lfilter([0.0, 1.0 - kept], [1.0, -kept], command - command[0])
+        return np.asarray(command + (begin - command) * (1.0 - kept) * lag / self.period)
 
+    def left(self, followed: Array, delay: int) -> Array:
+        """Efforts less what follows commands that act so many samples late [N m]."""
+        late = followed[: len(followed) - 1 - delay]
+        return np.asarray((self.effort[1 + delay :] - late)[self.warm :])
 
-def _left(followed: Array, delay: int, effort: Array, warm: int) -> Array:
-    """Efforts less what follows commands that act so many samples late [N m]."""
-    return np.asarray((effort[1 + delay :] - followed[: len(followed) - 1 - delay])[warm:])
+    def squares(self, lag: float) -> list[float]:
+        """Sums of the squares of what a lag leaves, by the delay."""
+        followed = self.followed(lag)
+        return [float(np.sum(self.left(followed, delay) ** 2)) for delay in range(LATEST + 1)]
 
+    def nearest(self, tried: Array, squares: Array, delay: int) -> tuple[float, float]:
+        """Time constant with the least squares, and half width of its 95 % interval [s]."""
+        best = int(squares.argmin())
+        around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
 
-def _nearest(
-    tried: Array,
-    squares: Array,
-    delay: int,
-    command: Array,
-    effort: Array,
-    period: float,
-    warm: int,
-) -> tuple[float, float]:
-    """Time constant with the least squares, and half width of its 95 % interval [s]."""
-    best = int(squares.argmin())
-    around = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
+        def left(lag: float) -> Array:
+            return self.left(self.followed(lag), delay)
 
-    def left(lag: float) -> Array:
-        return _left(_followed(command, lag, period), delay, effort, warm)
-
-    near = minimize_scalar(
-        lambda lag: np.sum(left(lag) ** 2), bounds=around, method='bounded',
-        options={'xatol': 1e-9 * LONGEST_LAG},
-    )  # fmt: skip
-    value = float(near.x)
-    step = 1e-3 * max(value, SHOWN * period)
-    slope, rest = (left(value + step) - left(value)) / step, left(value)
-    size = float(np.sum(slope**2))
-    error = np.sqrt(np.sum(rest**2) / (len(rest) - 1) / size) if size else np.inf
-    parts = rest * slope
-    alike = np.clip(np.sum(parts[1:] * parts[:-1]) / max(np.sum(parts**2), 1e-300), 0.0, 0.99)
-    return value, 1.96 * float(error * np.sqrt((1.0 + alike) / (1.0 - alike)))
+        near = minimize_scalar(
+            lambda lag: np.sum(left(lag) ** 2), bounds=around, method='bounded',
+            options={'xatol': 1e-9 * LONGEST_LAG},
+        )  # fmt: skip
+        value = float(near.x)
+        step = 1e-3 * max(value, SHOWN * self.period)
+        slope, rest = (left(value + step) - left(value)) / step, left(value)
+        size = float(np.sum(slope**2))
+        error = np.sqrt(np.sum(rest**2) / (len(rest) - 1) / size) if size else np.inf
+        parts = rest * slope
+        alike = np.clip(np.sum(parts[1:] * parts[:-1]) / max(np.sum(parts**2), 1e-300), 0.0, 0.99)
+        return value, 1.96 * float(error * np.sqrt((1.0 + alike) / (1.0 - alike)))
 
 
 # Noise of the sensors, from phases of a recording in which the robot rests.
