@@ -173,10 +173,7 @@ KEPT = 1_000_000  # states that are kept; of a run with more, those near the pos
 def margin(duration: float, states: int, poses: int) -> float:
     """How far from a pose states are kept [s], so that of all poses there are at most KEPT.
 
-    Args:
-        duration: Length of the run [s].
-        states: How many states it has, about.
-        poses: How many poses were measured.
+    `duration` is the length of the run [s], `states` about how many it has.
     """
     if states <= KEPT or not poses:
         return np.inf

@@ -117,14 +117,7 @@ def _scale(model: PoseModel, left: Array) -> Array:
 
 
 def _deviations(model: PoseModel, found: Fit, left: Array, used: Array) -> Array:
-    """Errors over their standard deviations, shape (N, k): of a pose that is used they are less.
-
-    Args:
-        model: All poses.
-        found: Least squares of those that are used.
-        left: What it leaves of all.
-        used: Which are used, shape (N,).
-    """
+    """Errors `left` over their standard deviations, shape (N, k): of poses that are used, less."""
     slopes = model.slopes(found.values)
     noise = np.maximum(found.noise, EXACT * model.noise)
     pull = ((slopes @ found.covariance) * slopes).sum(axis=2)

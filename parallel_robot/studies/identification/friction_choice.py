@@ -79,14 +79,10 @@ class Blocks:
     def __init__(
         self, base: BaseParameters, found: Estimate, begin: float, end: float, apart: float
     ) -> None:
-        """Begin without rows.
+        """Begin without rows, of a motion from `begin` to `end` [s].
 
-        Args:
-            base: With all columns that may be chosen.
-            found: An estimate, of which the weights of the joints count.
-            begin: Where the motion begins [s].
-            end: Where it ends [s].
-            apart: Length of the filter [s].
+        `base` has all columns that may be chosen, `found` the weights of the joints; `apart` is
+        the length of the filter [s].
         """
         self._base = base
         n, parameters = len(found.weight), len(base.names)

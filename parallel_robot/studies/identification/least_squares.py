@@ -108,13 +108,7 @@ class Uncertainty:
     """Covariance of an estimate, from one more look at all rows."""
 
     def __init__(self, found: Estimate, squares: Squares, scale: Array) -> None:
-        """Begin without rows.
-
-        Args:
-            found: The estimate.
-            squares: All rows.
-            scale: Sizes of the parameters, shape (B,).
-        """
+        """Begin without rows; `squares` are those of all, `scale` as of :func:`estimate`."""
         self._found, self._squares, self._scale = found, squares, scale
         Y, n, parameters = squares.Y * scale, len(found.weight), len(scale)
         A = Y.transpose(0, 2, 1) @ found.weight
