@@ -7,7 +7,7 @@ import shutil
 import numpy as np
 import pytest
 import yaml
-from bags import STORE, content, write_foreign
+from bags import STORE, content, full_disk, write_foreign
 
 from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recording, run_log, run_windows
@@ -223,6 +223,19 @@ def test_a_designed_motion_is_feasible_and_repeatable(tmp_path, capsys):
     shape = ['--set', 'trajectory.shape=excitation']
     words = ['simulate', 'serial_2r_circle', *shape, *sets, '--duration', 1, '--out', bag]
     assert run(*words) == 0
+
+
+def test_a_full_disk_is_no_wrong_option(tmp_path, capsys):
+    """The status is that of a run that fails, as of any other file that a command writes."""
+    out = tmp_path / 'motion.yaml'
+    words = ['identify', '--design', 'excitation', '--trials', 1, '--out', out]
+    assert run(*words) == 0  # nothing is compiled from here on
+    out.unlink()
+    capsys.readouterr()
+    with full_disk(10):
+        assert run(*words) == 1
+    assert f'cannot write {out}: File too large' in capsys.readouterr().err
+    assert not out.exists()
 
 
 NOISE = {'position': 2e-5, 'velocity': 4e-3}

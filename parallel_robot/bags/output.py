@@ -162,9 +162,10 @@ def written(path: Path, content: bytes) -> Iterator[None]:
 
     Raises:
         InputError: it exists or cannot be written.
+        RunError: the disk is full.
     """
     with contextlib.ExitStack() as folder:
-        with asked_for(path, InputError):
+        with asked_for(path):
             folder.enter_context(in_its_folder(path))
             write_new(path, content)
         try:

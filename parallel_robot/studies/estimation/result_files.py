@@ -41,17 +41,20 @@ class WrittenResult(ShownResult):
             figure: That of the picture, likewise.
 
         Raises:
-            InputError: one cannot be written.
+            InputError: one exists or cannot be written there.
+            RunError: the disk is full.
         """
-        comment = ''.join(f'# {line}\n' for line in self.header())
-        content = yaml.safe_dump(  # lists in one line each
-            self.groups(), sort_keys=False, default_flow_style=None, width=1000
-        )
         with contextlib.ExitStack() as written:
             if out:
-                written.enter_context(output.written(out, (comment + content).encode()))
+                written.enter_context(output.written(out, self._content().encode()))
             if figure:
                 self.save_figure(figure)
+
+    def _content(self) -> str:
+        comment = ''.join(f'# {line}\n' for line in self.header())
+        return comment + yaml.safe_dump(  # lists in one line each
+            self.groups(), sort_keys=False, default_flow_style=None, width=1000
+        )
 
     def draw(self) -> Any:
         """A picture of it, as a figure of matplotlib."""
