@@ -1,4 +1,4 @@
-"""Estimates with their uncertainty, and combinations of them that data do not determine."""
+"""Estimates with their uncertainty, what data do not determine, and errors without an estimate."""
 
 from __future__ import annotations
 
