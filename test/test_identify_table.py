@@ -198,8 +198,8 @@ def test_a_joint_that_stands_still_does_not_tell_its_torque_constant(told, colum
     time, position, effort = columns
     position = position * [1.0, 0.0]
     words = ['--torque-constant', '1,auto']
-    _, error, _ = told(OF_CURRENTS, [time, position, effort], *words)
-    assert 'hardly tells the torque constant of elbow: give it by --torque-constant' in error
+    code, error, _ = told(OF_CURRENTS, [time, position, effort], *words)
+    assert code == 2 and 'not tell the torque constant of elbow: give it by' in error
 
 
 def test_parquet_with_dates(columns, tmp_path):
@@ -221,6 +221,8 @@ def test_parquet_with_dates(columns, tmp_path):
         ('t,q1,q2', 'tq', (), r'torques are needed: columns as tau1 \[N m\], or currents'),
         ('t,q1,q2,i1,i2', 'tqe', (), r'or currents as i1 \[A\] and --torque-constant \[N m/A\]'),
         ('t,q1,q2,i1,i2', 'tqe', ('--torque-constant', '1,2,3'), 'one for each of 2 joints'),
+        ('t,q1,q2,i1,i2', 'tqe', ('--torque-constant', 'auto,0'), 'of 2 joints, not auto, 0'),
+        ('t,q1,q2,i1,i2', 'tqe', ('--torque-constant', 'nan,auto'), 'of 2 joints, not nan, auto'),
         ('t,q1,q2,tau1,tau2', 'tqe', ('--torque-constant', '2'), r'needs currents, columns as i1'),
         ('t,q1,q2,q3,tau1,tau2', 'tqte', (), 'the column q3: the robot has 2 joints, shoulder'),
         ('t,q1,tau1,tau2,x', 'tqe', (), 'there is no column q of elbow'),

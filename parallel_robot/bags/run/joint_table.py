@@ -96,17 +96,17 @@ def read(path: Path, view: BagView) -> Bag[list[Samples]]:
     """
     values, loop, _ = experiment.configuration(path, {}, {}, view)
     joints = loop.joints
-    constant = np.array(view.torque_constant, float)
-    if None in view.torque_constant:
-        constant = np.ones_like(constant)
+    known = np.array([1.0 if each is None else each for each in view.torque_constant])
+    constant = np.ones_like(known) if None in view.torque_constant else known
     file = (_parquet if path.suffix.lower() == PARQUET else _text)(path)
     columns = _columns(file, joints, units_of(values), PERIOD in view.values)
     if constant.size and (CURRENT, 0) not in columns:
         raise InputError(f'{path}: --torque-constant needs currents, columns as i1 [A]')
-    usable = np.isfinite(constant).all() and constant.all()
+    usable = np.isfinite(known).all() and known.all()
     if constant.size not in (0, 1, len(joints)) or not usable:
         what = f'one finite number but 0, or {AUTO}, or one for each of {len(joints)} joints'
-        raise InputError(f'--torque-constant must be {what}, not {constant.tolist()}')
+        given = ', '.join(AUTO if each is None else f'{each:g}' for each in view.torque_constant)
+        raise InputError(f'--torque-constant must be {what}, not {given}')
     motor = CURRENT if constant.size else EFFORT
     used = {which: columns[which] for which in sorted(columns) if which[0] in (*ALWAYS, motor)}
     numbers, rows = file.numbers([each.place for each in used.values()])

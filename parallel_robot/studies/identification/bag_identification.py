@@ -169,6 +169,7 @@ def identify(
             constants = identified.find_torque_constants(
                 nominal, first.motion, cutoff, joints, given, hold_out
             )
+            constants.check()
         values = tuple(constants.values.tolist())
         view = view._replace(torque_constant=values)
         window = window and window._replace(torque_constant=values)

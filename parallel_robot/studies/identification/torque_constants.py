@@ -27,6 +27,7 @@ from parallel_robot.studies.identification.least_squares import (
     squares_of,
 )
 from parallel_robot.studies.identification.regression_rows import Rows
+from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array, JointUnits
 
@@ -44,18 +45,34 @@ class TorqueConstants(NamedTuple):
     half_width: Array  # half widths of their 95 % intervals; 0 where they were given
     by_bodies: bool  # whether the bodies of the nominal robot tell their common factor
 
+    def wider_than(self, share: float) -> str:
+        """Names of those whose half interval is above a share of them; empty for none."""
+        pairs = zip(self.joints, self.half_width > share * np.abs(self.values), strict=True)
+        return ', '.join(name for name, wide in pairs if wide)
+
     @property
     def doubt(self) -> str:
         """Which ones are hardly told; empty for none."""
-        pairs = zip(self.joints, self.half_width > DOUBTFUL * np.abs(self.values), strict=True)
-        names = ', '.join(name for name, wide in pairs if wide)
-        what = 'the motion hardly tells the torque constant of'
-        return f'{what} {names}: give it by --torque-constant' if names else ''
+        names = self.wider_than(DOUBTFUL)
+        return f'the motion hardly tells the torque constant of {names}' if names else ''
+
+    def check(self) -> None:
+        """Refuse what is not told at all.
+
+        Raises:
+            BagError: with the joints.
+        """
+        if names := self.wider_than(1.0):
+            raise BagError(
+                f'the motion does not tell the torque constant of {names}: give it by '
+                '--torque-constant, with that of a joint that moves others'
+            )
 
     def parts(self, units: JointUnits) -> list[Part]:
         """What is told of them."""
+        own = 'by bodies' if self.by_bodies else 'given'
         rows = [
-            [name, f'{value:.4g}', f'+- {half:.2g}' if half else 'given']
+            [name, f'{value:.4g}', f'+- {half:.2g}' if half else own]
             for name, value, half in zip(self.joints, self.values, self.half_width, strict=True)
         ]
         told: list[Part] = [Table(['joint', units.label('torque constant [N m/A]'), ''], rows)]
