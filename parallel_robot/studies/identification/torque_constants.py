@@ -167,7 +167,7 @@ def find(
         uncertainty.add(linear(part))
     fit = uncertainty.fit()
     half = np.zeros(n)
-    half[free] = (fit.interval * fit.standard_errors)[len(scale) :] / np.abs(share[free])
+    half[free] = fit.half_widths[len(scale) :] / np.abs(share[free])
     factor = 1.0
     if by_bodies:
         own, theirs = squares.Y[..., :B] @ values[:B], squares.Y[..., :B] @ nominal
