@@ -86,7 +86,7 @@ def approached(
     With e and e' the offsets at the first state, x = t / T and y = t / B, it is added
 
         e (1 - 10 x^3 + 15 x^4 - 6 x^5)
-        + e' B (y - 6 y^3 + 8 y^4 - 3 y^5 - a / 2 y^2 (1 - 3 y + 3 y^2 - y^3)),
+        + e' B (y - 6 y^3 + 8 y^4 - 3 y^5 - a / 2 y^2 (1 - y)^3),
 
     quintics that end with zero position, rate and acceleration at x = 1 and y = 1. At a start
     B = T and a = 0. On a way back T is longer for a large offset, and B is only as long as the

@@ -10,7 +10,7 @@ Source:
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -38,13 +38,23 @@ RIDGE = (
 )
 
 
-def candidates(base: BaseParameters, rates: Array) -> BaseParameters:
-    """With all columns that may be chosen; `rates` of the joints, rms [rad/s], shape (n,)."""
+def candidates(base: BaseParameters, speeds: Iterable[float]) -> BaseParameters:
+    """With all kinds of friction; `speeds` of the Stribeck effect [rad/s]."""
     kinds, n = [*FRICTION], base.joints
     columns = columns_of([kind for kind in kinds if kind != 'stribeck'], n)
-    for share in SPEEDS:
-        columns += columns_of(['stribeck'], n, share * typical(rates))
+    for speed in speeds:
+        columns += columns_of(['stribeck'], n, speed)
     return base.with_friction(columns)
+
+
+def speeds_of(rates: Array) -> list[float]:
+    """Speeds of the Stribeck effect that are tried [rad/s]; `rates` of the joints, shape (n,)."""
+    return [share * typical(rates) for share in SPEEDS]
+
+
+def usual_speed(rates: Array) -> float:
+    """The one in their middle, where none is known."""
+    return speeds_of(rates)[len(SPEEDS) // 2]
 
 
 def typical(rates: Array) -> float:

@@ -229,8 +229,8 @@ def find_torque_constants(
         BagError: too little of the recording can be used, or a sample has no pose.
     """
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
-    speed = SPEEDS[len(SPEEDS) // 2] * friction_choice.typical(motion.speed)
     columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)
+    speed = friction_choice.usual_speed(motion.speed)
     base = base.with_friction([*columns, *columns_of(['stribeck'], base.joints, speed)])
     begin = Begin(motion, _split(motion, hold_out)) if hold_out else motion
     regression = _Regression(nominal, base, begin, cutoff)
@@ -395,7 +395,9 @@ def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
     squares, found = search.squares, search.found
     late = search.at.late if abs(search.at.late) > COUNTS * period else 0.0
     every = regression._replace(
-        base=friction_choice.candidates(regression.base, regression.motion.speed)
+        base=friction_choice.candidates(
+            regression.base, friction_choice.speeds_of(regression.motion.speed)
+        )
     )
     time = [window.time[[0, -1]] for window in regression.motion.windows()]
     apart = regression_rows.SUPPORT / regression.cutoff
@@ -483,10 +485,9 @@ def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
     """
     regression, fit = fitted.regression, fitted.fit
     base, chosen = regression.base, len(fit.values)
-    usual = SPEEDS[len(SPEEDS) // 2] * friction_choice.typical(regression.motion.speed)
-    speed = max(each.speed for each in base.friction) or usual
-    every = columns_of([*FRICTION][ALWAYS:], base.joints, speed)
-    every = [each if each.kind == 'stribeck' else each._replace(speed=0.0) for each in every]
+    known = max(each.speed for each in base.friction)
+    speed = known or friction_choice.usual_speed(regression.motion.speed)
+    every = friction_choice.candidates(base, [speed]).friction
     left_out = [each for each in every if each not in base.friction]
     whole = regression.with_friction([*base.friction, *left_out])
     scale = whole.scale

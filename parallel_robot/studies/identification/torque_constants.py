@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -23,6 +23,7 @@ from scipy.optimize import least_squares
 from parallel_robot.studies.identification.least_squares import (
     RANK,
     Estimate,
+    Squares,
     Uncertainty,
     squares_of,
 )
@@ -35,6 +36,8 @@ CLOSE = 1e-5  # of their logarithms, where the search ends
 WEIGHTS = 3  # times that the joints are weighted anew
 DOUBTFUL = 0.25  # relative half width of an interval that is told
 RANGE = np.log(100.0)  # of the ratio of two constants, either way
+
+Some = TypeVar('Some', Rows, Squares)
 
 
 class TorqueConstants(NamedTuple):
@@ -154,15 +157,14 @@ def find(
     z, share = solved(x, weight)[0], shares(x)
     values = np.concatenate([z * scale, np.zeros(len(x))])
 
-    def linear(part: Rows) -> Rows:
-        """The rows with the slopes by log(u) of what is free."""
-        bodies = share[:, np.newaxis] * part.Y[..., :B]
+    def linear(of: Some) -> Some:
+        """Rows, or their squares, with the slopes by log(u) of what is free."""
+        bodies = share[:, np.newaxis] * of.Y[..., :B]
         by_share = (bodies @ values[:B])[..., np.newaxis] * axes
-        return replace(part, Y=np.concatenate([bodies, part.Y[..., B : len(scale)], by_share], 2))
+        return replace(of, Y=np.concatenate([bodies, of.Y[..., B : len(scale)], by_share], 2))
 
-    sizes = np.append(scale, np.ones(len(x)))
     found = Estimate(values, np.diag(weight**2), 0.0)
-    uncertainty = Uncertainty(found, squares_of(map(linear, rows())), sizes)
+    uncertainty = Uncertainty(found, linear(squares), np.append(scale, np.ones(len(x))))
     for part in rows():
         uncertainty.add(linear(part))
     fit = uncertainty.fit()
