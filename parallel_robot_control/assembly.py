@@ -69,7 +69,7 @@ def assemble(
     )
     if estimator.lock_in.on:
         limiting.check_lock_in(
-            estimator.lock_in, limits.value, _inertia(configuration), robot.joint_units
+            estimator.lock_in, limits.value, inertia_of(configuration), robot.joint_units
         )
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     return Control(
@@ -107,7 +107,7 @@ def memory_of(configuration: ControlConfiguration) -> Space:
     return cycle_memory.made_for(row, rows(configuration.turn))
 
 
-def _inertia(configuration: ControlConfiguration) -> Array:
+def inertia_of(configuration: ControlConfiguration) -> Array:
     """Inertia matrix of the nominal robot at rest at the guess [kg m^2], shape (n, n)."""
     robot, guess = configuration.robot, vector(np.array(configuration.guess))
     still, row = vector(np.zeros(len(guess))), vector(np.zeros(configuration.joints))

@@ -266,6 +266,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
             *sensor_remarks(values),
             *saturation(values, record.effort),
             *motion_doubts(made.experiment.trajectory),
+            *simulation.plant_doubts(made.configuration),
         ),
         made,
     )

@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.assembly import inertia_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.estimator import MEASURED, kind_for
 from parallel_robot_control.estimation.lock_in import phases, result
 from parallel_robot_control.reference_buffer import moved_on
-from parallel_robot_control.safety import faults
+from parallel_robot_control.safety import checks, faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
@@ -371,7 +372,41 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
         state, first = end(made), stop
 
 
-# Gains that do not suit the noise of the sensors, which no controller knows but a simulation.
+# What does not suit the sensors or the period, which no controller knows but a simulation.
+
+
+def plant_doubts(configuration: Configuration) -> tuple[str, ...]:
+    """What of the plant does not suit the law or the period, one line each; often nothing."""
+    return noise_doubts(configuration) + friction_doubts(configuration)
+
+
+def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
+    """A line on the joints that dry friction may stop and turn between two samples.
+
+    In a period of h, dry friction F of joint j changes its rate by h F [M^-1]_jj. At most half of
+    that, times the time for which :func:`checks.inconsistent` adds them up, are the ways that the
+    sampled rates do not tell; faults were seen from a fifth of it on.
+    """
+    friction, control = configuration.plant.load.friction, configuration.control
+    dry = np.add(friction.coulomb, np.maximum(friction.stribeck, 0.0))
+    M = inertia_of(control)
+    if not M[0, 0] > 0.0:  # a pose in which the robot has no model
+        return ()
+    changes = configuration.loop.period * dry * np.diag(np.linalg.inv(M))
+    untold, tolerance = 0.5 * checks.WINDOW * changes, control.safety.rate_tolerance
+    stiff = int(np.sum(0.2 * untold > tolerance)) if tolerance else 0
+    if not stiff:
+        return ()
+    worst = int(np.argmax(untold))
+    change = f'{changes[worst]:.2g} {control.robot.joint_units.one(worst).of("rad/s")}'
+    others = f' (and {stiff - 1} more)' if stiff > 1 else ''
+    return (
+        f'{configuration.loop.joints[worst]}{others}: dry friction changes the rate by {change} '
+        'in one period; it stops and turns between two samples, which few laws master: inertia '
+        'too small (robot.armature is that of the motor), or friction too large',
+        f'safety.rate_tolerance, {tolerance:g}, may take that friction for wrong rates; '
+        f'{1.1 * untold[worst]:.1g} does not',
+    )
 
 
 def noise_doubts(configuration: Configuration) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ from parallel_robot_model.processes.child_process import command, die_with_paren
 from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.node_processes import MODULES, NodeProcesses, domain_lock, end
 from parallel_robot_sim.configuration import Configuration, assemble, configure
-from parallel_robot_sim.simulation import ENDLESS, noise_doubts
+from parallel_robot_sim.simulation import ENDLESS, plant_doubts
 from trajectory_gen.preflight import motion_doubts
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def record(
     log, past, timed, _ = made
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
-    doubts = (*ended.doubts, *noise_doubts(configuration))
+    doubts = (*ended.doubts, *plant_doubts(configuration))
     warn((*doubts, *remarks))
     if ended.signal:
         tell(form, f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')

@@ -35,8 +35,8 @@ from parallel_robot_sim.motions import of_simulation
 from parallel_robot_sim.simulation import (
     RunSummary,
     Simulation,
-    noise_doubts,
     parts,
+    plant_doubts,
     saturation_of,
 )
 from trajectory_gen.configuration import with_duration
@@ -295,7 +295,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     run = _Run(parts(configuration))
     simulation_bag.save(out, values, run)
     part, summary = run.last, run.summary
-    warn((*noise_doubts(configuration), *remarks(part, summary)))
+    warn((*plant_doubts(configuration), *remarks(part, summary)))
     rate = summary.duration / summary.loop_time
     units = configuration.trajectory.robot.joint_units
     delay = delay_text(part.experiment.control.setup.estimator, summary.phase, units)

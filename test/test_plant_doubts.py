@@ -1,4 +1,4 @@
-"""Gains that do not suit the noise of the sensors."""
+"""Plants that do not suit the law or the period."""
 
 import math
 
@@ -11,6 +11,7 @@ from parallel_robot_control.configuration import resolve
 from parallel_robot_control.laws import adaptive_s_fotsmc
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure
+from parallel_robot_sim.scenario_run import simulate
 from parallel_robot_sim.simulation import noise_doubts
 
 LAW = {
@@ -71,3 +72,20 @@ def test_the_gains_of_the_study_suit_its_noise():
     changes = {f'adaptive_s_fotsmc.{key}': value for key, value in own.items()}
     values = resolve('paper_circle', {'law': 'adaptive_s_fotsmc', **changes})
     assert noise_doubts(configure(values | {'sensor.velocity_noise': noise})) == ()
+
+
+def test_dry_friction_that_is_stiff_for_the_period_is_told_with_what_it_takes():
+    """A joint that stops and turns between two samples faults; with the value told it does not."""
+    run = {'scenario': 'arm6_circle', 'law': 'computed_torque', 'duration': 1.1}
+    dry = np.array(resolve('arm6_circle', {})['friction.coulomb'])
+    stiff = simulate(**run, **{'friction.coulomb': (30.0 * dry).tolist()})
+    assert 'is not the derivative' in stiff.fault[1]
+    texts = [text for text in stiff.warnings if 'friction' in text]
+    assert len(texts) == 2 and 'dry friction changes the rate' in texts[0]
+    enough = float(texts[1].split('; ')[1].split()[0])
+    held = simulate(
+        **run, **{'friction.coulomb': (30.0 * dry).tolist(), 'safety.rate_tolerance': enough}
+    )
+    assert held.fault is None and not [text for text in held.warnings if 'dry' in text]
+    usual = simulate(**run, **{'friction.coulomb': (3.0 * dry).tolist()})
+    assert usual.fault is None and not [text for text in usual.warnings if 'dry' in text]
