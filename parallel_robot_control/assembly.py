@@ -81,7 +81,6 @@ def assemble(
             robot.kernel('locate', row, guess),
             asked_of(configuration.laws[name], robot),
             prepared.law,
-            prepared.memory,
             robot.constants,
             limits,
             estimator,

@@ -186,7 +186,7 @@ class Controller(ControllerState):
         if self.fault != faults.NONE:
             self._store(controller_state.cleared(self.state))
             self._fault_seen = faults.NONE
-            self.law.memory.begin()
+            self.law.memory.current = self.law.memory.first
         return ''
 
     def finish(self) -> bool:
@@ -330,7 +330,7 @@ class Controller(ControllerState):
 
     def _reset(self) -> None:
         self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))
-        self.law.memory.begin()
+        self.law.memory.current = self.law.memory.first
         self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
         self._numbers[LAST] = NEVER
         self._pending = self._first = None

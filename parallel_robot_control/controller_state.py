@@ -98,9 +98,9 @@ def switched(state: CycleState, before: PreparedLaw, after: PreparedLaw) -> Cycl
         after: The law from now on; its memory is made what it then is.
     """
     if after.name != before.name:
-        after.memory.begin()
-    elif after.memory != before.memory:
-        after.memory.restore(before.memory.copy())
+        after.memory.current = after.memory.first
+    elif after.memory is not before.memory:
+        after.memory.current = before.memory.current
     if state.last.known and not same(before, after):
         state = taking_over(state, state.last.torque)
     return state

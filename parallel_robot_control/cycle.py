@@ -29,10 +29,8 @@ from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     FirstClass,
-    begin,
     every,
     inner,
-    keep,
     kernel,
     select,
     vector,
@@ -70,7 +68,6 @@ class ControlSetup(NamedTuple):
     locate: Any  # its forward kinematics, as FirstClass
     place: int  # number of the coordinates of the place that the law asks for, see terms.py
     law: Any  # the law itself, an address; of one type for all laws
-    memory: int  # its memory, a KeptValue
     robot: Any  # constants of the nominal robot, boxed
     limits: Any  # limits, boxed
     estimator: Any  # estimator, boxed
@@ -163,8 +160,7 @@ def run_cycle(
     measured, or knows its age; or with a Kalman filter the motion predicted for the moment at
     which the torque acts with the reference of that moment.
 
-    The memory of the law, which it keeps unless there is a fault, and that of the cycle are
-    written in place.
+    The memories of the law, which is not called in a fault, and of the cycle are written in place.
 
     Args:
         setup: Law, robot and limits.
@@ -196,10 +192,9 @@ def run_cycle(
         known and not gap,
         dt,
     )
-    excess = state.excess + told.missing
+    excess, anew = state.excess + told.missing, False
     if (gap or told.back) and state.fault == faults.NONE:
-        last, begun = taking_over(last, effort), BACK
-        begin(setup.memory)
+        last, begun, anew = taking_over(last, effort), BACK, True
         excess = np.zeros_like(excess)
     if begun == BACK:
         kalman.forget(filter_.memory)
@@ -282,7 +277,7 @@ def run_cycle(
     asked, learned, correction = Asked(position, position, position), zero, zero
     repeats = setup.repetition
     if sensed.fault == faults.NONE:
-        output = setup.step(setup.law, sensed.model, wanted, feedback, dt)
+        output = setup.step(setup.law, sensed.model, wanted, feedback, anew, dt)
         in_vain = told.spell > 0.0 and not told.waits
         demand = output.torque
         if repeats.on:
@@ -296,7 +291,7 @@ def run_cycle(
         if identified.on:
             torque = torque + lock_in.added(identified, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
-    # 4. The same within the limits, or the safe action. In a fault the memory stays as it is.
+    # 4. The same within the limits, or the safe action.
     done = act(
         limits,
         desired,
@@ -311,8 +306,6 @@ def run_cycle(
         asked,
         dt,
     )
-    if done.fault == faults.NONE:
-        keep(setup.memory)
     # Also without a filter: a law that comes next may have one.
     cycle_memory.remember(
         filter_.memory, when.sample, done.torque, learned, tracks, filter_.lag, filter_.period

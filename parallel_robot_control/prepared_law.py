@@ -20,13 +20,12 @@ from parallel_robot_model.compiler import (
     INTERPRETED,
     Boxed,
     FirstClass,
-    KeptValue,
+    Struct,
     arrays_of,
     as_arrays,
     as_vectors,
     composed,
-    present,
-    propose,
+    is_finite,
     read_row,
     reason,
     vector,
@@ -38,12 +37,18 @@ from parallel_robot_model.robots.contract import Fault, Model
 # One step of a law, whose gains and memory the control cycle knows by their address alone.
 
 
+class LawMemory(NamedTuple):
+    """What a law remembers, as a Struct."""
+
+    current: Any  # after its last step
+    first: Any  # before the first one
+
+
 class LawParts(NamedTuple):
     """What a step of a law takes."""
 
     gains: Any  # gains of the law, boxed
-    memory: int  # its memory, a KeptValue
-    like: Any  # a memory, for its type
+    memory: Any  # its LawMemory, a Struct
 
 
 class Asked(NamedTuple):
@@ -67,29 +72,40 @@ def update(
 
 
 def step(
-    law: LawParts, model: Model, reference: JointReference, feedback: Feedback, dt: float
+    law: LawParts,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    anew: bool,
+    dt: float,
 ) -> Asked:
-    """Update a law; its next memory is proposed."""
-    memory = present(law.memory, law.like)
+    """Update a law, with its first memory if `anew`; a torque that is no number changes none."""
+    memory = law.memory.first if anew else law.memory.current
     output = update(law.gains, model, reference, feedback, memory, dt)
-    propose(law.memory, output.memory, law.like)
+    if is_finite(output.torque):
+        law.memory.current = output.memory
     return Asked(output.torque, output.sliding_variable, output.coupled_error)
 
 
 def step_with_arrays(
-    law: LawParts, model: Model, reference: JointReference, feedback: Feedback, dt: float
+    law: LawParts,
+    model: Model,
+    reference: JointReference,
+    feedback: Feedback,
+    anew: bool,
+    dt: float,
 ) -> Asked:
     """The same for a law that works with arrays: its update gets copies of the vectors."""
-    memory = arrays_of(present(law.memory, law.like))
+    before, row = law.memory.first if anew else law.memory.current, feedback.position
+    memory = arrays_of(before)
     output = update(
         law.gains, arrays_of(model), arrays_of(reference), arrays_of(feedback), memory, dt
     )
-    propose(law.memory, vectors_of(output.memory, law.like), law.like)
-    row = feedback.position
+    torque = read_row(output.torque, 0, row)
+    if is_finite(torque):
+        law.memory.current = vectors_of(output.memory, before)
     return Asked(
-        read_row(output.torque, 0, row),
-        read_row(output.sliding_variable, 0, row),
-        read_row(output.coupled_error, 0, row),
+        torque, read_row(output.sliding_variable, 0, row), read_row(output.coupled_error, 0, row)
     )
 
 
@@ -107,7 +123,7 @@ class PreparedLaw(NamedTuple):
 
     name: str  # key of LAWS, or the name of a custom law
     gains: Any
-    memory: KeptValue  # its memory, which its steps change
+    memory: Struct  # its LawMemory
     step: FirstClass  # its compiled step
     law: Boxed  # what its step takes: the law as LawParts, boxed, of one type for all laws
     warnings: tuple[str, ...]  # objections of the theory to gains that are accepted all the same
@@ -116,7 +132,7 @@ class PreparedLaw(NamedTuple):
 
     def begin(self) -> None:
         """Forget what was before."""
-        self.memory.begin()
+        self.memory.current = self.memory.first
         if self.foreign is not None:
             self.foreign.begin()
 
@@ -175,11 +191,10 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     memory = as_vectors(memory)
     if wrong := law_trial.wrong_memory(memory):
         raise InputError(f'{name}: initial_memory: {wrong}')
-    kept = KeptValue(memory)
     row, matrix = vector(np.zeros(joints)), vector(np.eye(joints))
-    parts = Boxed(LawParts(Boxed(gains), kept, memory))
+    parts = Boxed(LawParts(Boxed(gains), Struct(LawMemory(memory, memory))))
     try:
-        own = _compiled(stepping(law.update, False), parts, *_motion(row, matrix), 1e-3)
+        own = _compiled(stepping(law.update, False), parts, *_motion(row, matrix), False, 1e-3)
         fits = INTERPRETED or own.signature().return_type == typeof(Asked(row, row, row))
         unfit: Exception = InputError('what it returns')
     except Exception as error:  # if it is wrong with arrays, too, that is said of it
@@ -190,7 +205,8 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         warnings += law_trial.warnings_of(name, law, gains, joints)
     step = own.erased(ANY)
     why = '' if fits else reason(unfit, cast(Any, law.update).py_func)
-    return PreparedLaw(name, gains, kept, step, Boxed(parts.value, ANY), warnings, foreign, why)
+    of_any_type = Boxed(parts.value, ANY)
+    return PreparedLaw(name, gains, parts.memory, step, of_any_type, warnings, foreign, why)
 
 
 def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
@@ -221,14 +237,14 @@ def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
 
 def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
     """The step of a law that works with arrays."""
-    row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(parts.like)
+    row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(parts.memory.first)
     right = typeof(ControlOutput(row, row, row, memory))
     try:
         update = _compiled(law.update, parts.gains, *_motion(row, matrix), memory, 1e-3)
         wrong = law_trial.wrong_types(update.signature().return_type, right)
         if not wrong:
             motion = _motion(vector(row), vector(matrix))
-            return _compiled(stepping(law.update, True), parts, *motion, 1e-3)
+            return _compiled(stepping(law.update, True), parts, *motion, False, 1e-3)
     except Exception as error:  # Numba raises many kinds
         cause = reason(error, cast(Any, law.update).py_func)
         raise InputError(f'{name}: update does not compile: {cause}') from error

@@ -68,7 +68,7 @@ def weak_at_first(law, deaf):
         if k == WEAK:
             limit_torque(rig, strong)
             wound_up = attrgetter(INTEGRALS.get(law, 'switching.value'))
-            integral = np.abs(wound_up(rig.controller.law.memory.value)).max()
+            integral = np.abs(wound_up(rig.controller.law.memory.current)).max()
             assert (np.abs(rig.torques) == 1.5).any(axis=1).mean() > 0.5
         if deaf:
             forget_excess(rig)

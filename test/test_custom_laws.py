@@ -110,9 +110,9 @@ def test_classes_of_the_same_names_as_those_of_another_law_are_told_apart(mine):
     made, pid = simulated(values), simulated(values | {'law': 'pid'})
     assert np.array_equal(made.run.command, pid.run.command)
     memory, of_pid = (each.experiment.control.law.memory for each in (made, pid))
-    assert type(memory.value) is type(memory.first) is not LAWS['pid'].Memory
-    assert type(of_pid.value) is LAWS['pid'].Memory
-    assert type(memory.value.integral) is Vector  # it began with an array
+    assert type(memory.current) is type(memory.first) is not LAWS['pid'].Memory
+    assert type(of_pid.current) is LAWS['pid'].Memory
+    assert type(memory.current.integral) is Vector  # it began with an array
 
 
 def test_the_laws_are_switched_to_and_fro(mine):
@@ -124,7 +124,7 @@ def test_the_laws_are_switched_to_and_fro(mine):
         assert sample.status.law == law and sample.status.fault is None
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
         memory = rig.controller.law.memory
-        assert type(memory.value) is type(memory.first)
+        assert type(memory.current) is type(memory.first)
 
 
 def test_the_node_runs_it_or_says_in_one_line_why_not(mine, write, launch, peer):
@@ -466,7 +466,7 @@ def test_all_that_the_suite_offers_to_a_law_works_with_vectors_and_with_arrays(a
     assert [law.step.function.py_func.__name__ for law in laws] == steps
     assert of_vectors.run.acted.any()  # the integrals were held, too
     assert np.array_equal(of_vectors.run.command, of_arrays.run.command)
-    for one, other in zip(*(law.memory.value for law in laws), strict=True):
+    for one, other in zip(*(law.memory.current for law in laws), strict=True):
         assert np.array_equal(np.array(tuple(one)), np.array(tuple(other)))
 
 
@@ -484,7 +484,7 @@ def test_a_law_with_arrays_is_switched_to_and_fro_and_keeps_its_memory(advised):
         sample = rig.step()
         assert sample.status.law == law and sample.status.fault is None
         assert np.abs(sample.torque - before).max() <= 1.0 + 1e-12
-    integral = rig.run(20) and rig.controller.law.memory.value.error.value.copy()
+    integral = rig.run(20) and rig.controller.law.memory.current.error.value.copy()
     rig.change(of_arrays__Kp=300.0)
     rig.step()
-    assert 0.0 < np.abs(rig.controller.law.memory.value.error.value - integral).max() < 1e-4
+    assert 0.0 < np.abs(rig.controller.law.memory.current.error.value - integral).max() < 1e-4

@@ -71,7 +71,7 @@ def test_torque_is_the_laws_at_the_true_pose(control, robot, pose, situation):
     alone = on_vectors(s_fotsmc.update)(*given)
     assert cycle.state.fault == NONE and np.abs(cycle.state.pose - pose).max() < 1e-12
     assert np.allclose(cycle.torque, alone.torque, rtol=1e-9)
-    for after, expected in zip(law.memory.value, alone.memory, strict=True):
+    for after, expected in zip(law.memory.current, alone.memory, strict=True):
         assert np.allclose(after, expected, rtol=1e-12, atol=1e-15)
 
 
@@ -107,13 +107,13 @@ def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
     control, situation, spoil, fault
 ):
     situation.solve(control)
-    memory, spoilt = control.law.memory.value, spoil(situation)
+    memory, spoilt = control.law.memory.current, spoil(situation)
     cycle = spoilt.solve(control)
     assert cycle.state.fault == fault and FAULTS[fault].text
     damped = np.where(np.isfinite(spoilt.velocity), -40.0 * spoilt.velocity, 0.0)
     assert np.array_equal(cycle.torque, np.clip(damped, -200.0, 200.0))
     assert not cycle.sliding_variable.any()
-    for after, before in zip(control.law.memory.value, memory, strict=True):
+    for after, before in zip(control.law.memory.current, memory, strict=True):
         assert np.array_equal(after, before)
 
 

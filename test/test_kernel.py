@@ -105,9 +105,9 @@ def test_division_by_zero_is_that_of_ieee_754():
 
 
 @pytest.mark.parametrize(
-    ('counted', 'freed'), [('printed', 0), (np.arange(7.0), 1)], ids=['text', 'array']
+    ('counted', 'made'), [('printed', 1), (np.arange(7.0), 0)], ids=['text', 'array']
 )
-def test_what_boxed_constants_hold_is_kept(counted, freed):
+def test_what_boxed_constants_hold_is_kept(counted, made):
     """A text by the copy in memory, an array by the object that is boxed."""
     boxed = Boxed(Constants(counted, 1.0))  # its kernel is compiled here
     memsys_enable_stats()
@@ -117,4 +117,4 @@ def test_what_boxed_constants_hold_is_kept(counted, freed):
     for _ in range(100):
         assert length(boxed) == 7
     after = rtsys.get_allocation_stats()
-    assert (after.mi_alloc - before.mi_alloc, after.mi_free - before.mi_free) == (1, freed)
+    assert (after.mi_alloc - before.mi_alloc, after.mi_free - before.mi_free) == (made, 0)

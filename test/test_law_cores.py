@@ -95,13 +95,13 @@ def test_new_gains_act_as_those_of_the_start(gain):
 def test_a_law_that_is_made_again_begins_with_an_empty_memory():
     core = controller(law='s_fotsmc')
     torques(core)
-    empty, remembered = core.law.memory.first, core.law.memory.value
+    empty, remembered = core.law.memory.first, core.law.memory.current
     assert not same(remembered, empty)
     core.apply(core.prepare_change({'law': 'pid'}))
     change = core.prepare_change({'law': 's_fotsmc'})
-    assert same(change.law.memory.value, remembered)  # it has not taken effect
+    assert same(change.law.memory.current, remembered)  # it has not taken effect
     core.apply(change)
-    assert same(core.law.memory.value, empty)
+    assert same(core.law.memory.current, empty)
 
 
 def same(some, others):

@@ -131,7 +131,7 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts):
         plant, cycle = out.plant, out.cycle
         assert np.array_equal(out.command, rig.torques[-dwell:])
         assert np.array_equal(
-            numbers(one.law.memory.value), numbers(rig.controller.law.memory.value)
+            numbers(one.law.memory.current), numbers(rig.controller.law.memory.current)
         )
     torques = np.array(rig.torques)
     switches = np.arange(1, len(names)) * dwell
@@ -149,13 +149,13 @@ def numbers(memory):
 def test_new_gains_go_on_with_the_memory_and_without_a_jump():
     rig = Rig('lockstep', law='pid')
     rig.run(300)
-    integral = rig.controller.law.memory.value.integral.value.copy()
+    integral = rig.controller.law.memory.current.integral.value.copy()
     rig.change(pid__Kp=2700, pid__Ki=0.0)
     before = rig.torques[-1]
     rig.step()
     assert np.abs(rig.torques[-1] - before).max() <= BOUND
     assert (
-        np.abs(rig.controller.law.memory.value.integral.value - integral).max()
+        np.abs(rig.controller.law.memory.current.integral.value - integral).max()
         < 1e-4
         < np.abs(integral).max()
     )

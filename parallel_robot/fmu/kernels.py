@@ -14,13 +14,10 @@ from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Boxed,
-    KeptValue,
     Space,
+    Struct,
     is_finite,
-    keep,
     kernel,
-    present,
-    propose,
     read_at,
     read_row,
     select,
@@ -47,12 +44,17 @@ FOREVER = 1e9  # s
 PAUSE = 1.5  # periods from a state to the next, above which states between them are missing
 
 
+class LawState(NamedTuple):
+    """What a controller hands from one call to the next, as a Struct."""
+
+    state: CycleState  # after the cycle before
+
+
 class LawInstance(NamedTuple):
     """A controller with its memory."""
 
     setup: Any  # law, robot and limits, see :class:`ControlSetup`
-    state: int  # state after the cycle before, a KeptValue
-    like: CycleState  # a state, for its type
+    kept: Any  # its LawState, a Struct
     values: int  # address of inputs and outputs: ROWS for each joint, then NUMBERS
     period: float  # time between states [s]
 
@@ -65,14 +67,12 @@ def law_instance(control: Control, period: float, state_timeout: float) -> Boxed
         period: Time between states [s].
         state_timeout: Time without states that is a fault [s].
     """
-    control.law.memory.begin()
+    control.law.memory.current = control.law.memory.first
     joints = len(control.state.held)
     values = Space(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault
     values.floats[ROWS * joints + STATE_TIMEOUT] = state_timeout
-    return Boxed(
-        LawInstance(control.setup, KeptValue(control.state), control.state, values, period)
-    )
+    return Boxed(LawInstance(control.setup, Struct(LawState(control.state)), values, period))
 
 
 @kernel
@@ -84,9 +84,9 @@ def begin_law(instance: LawInstance) -> int:
 @kernel
 def answer_state(instance: LawInstance) -> int:
     """Compute the torque for the state in the inputs; 0."""
-    values, row = instance.values, instance.like.held
+    values, state = instance.values, instance.kept.state
+    row = state.held
     first = ROWS * len(row)
-    state = present(instance.state, instance.like)
     desired = JointReference(
         read_at(values, REFERENCE, row),
         read_at(values, REFERENCE + 1, row),
@@ -114,8 +114,7 @@ def answer_state(instance: LawInstance) -> int:
         before_cycle(state, torque, cause, joins),
         When(sample, read_at(values, first + AGE, 0.0), dt),
     )
-    propose(instance.state, cycle.state, instance.like)
-    keep(instance.state)
+    instance.kept.state = cycle.state
     write_at(values, TORQUE, cycle.torque)
     write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
     write_at(values, COUPLED_ERROR, cycle.coupled_error)
@@ -135,12 +134,17 @@ PLANT_ROWS = 6
 PLANT_AGE, POSE = 0, 1  # and numbers behind them; the pose is the last
 
 
+class SimulatedState(NamedTuple):
+    """What a simulated robot hands from one call to the next, as a Struct."""
+
+    state: PlantState
+
+
 class PlantInstance(NamedTuple):
     """A simulated robot with its memory."""
 
     setup: Any  # what it is made of, see :class:`PlantSetup`
-    state: int  # its state, a KeptValue
-    like: PlantState  # a state, for its type
+    kept: Any  # its SimulatedState, a Struct
     values: int  # address of inputs and outputs: PLANT_ROWS for each joint, the age, the pose
     period: float  # time between states [s]
 
@@ -155,13 +159,13 @@ def plant_instance(plant: Plant, period: float, pose_size: int) -> Boxed:
     """
     joints = len(plant.state.torque)
     values = Space(PLANT_ROWS * joints + POSE + pose_size)
-    return Boxed(PlantInstance(plant.setup, KeptValue(plant.state), plant.state, values, period))
+    return Boxed(PlantInstance(plant.setup, Struct(SimulatedState(plant.state)), values, period))
 
 
 @kernel
 def tell_state(instance: PlantInstance) -> int:
     """Write the state to the outputs, as sensors tell it; 1 if the robot left its workspace."""
-    state = present(instance.state, instance.like)
+    state = instance.kept.state
     setup, values, row = instance.setup, instance.values, state.torque
     true = setup.measure(setup.robot, state.coordinates, state.rate)
     angles, rates, effort, age = true.position, true.velocity, state.torque, 0.0
@@ -184,11 +188,10 @@ def tell_state(instance: PlantInstance) -> int:
 @kernel
 def advance(instance: PlantInstance) -> int:
     """Move the robot by one period under the torque in the inputs; as :func:`tell_state`."""
-    state = present(instance.state, instance.like)
+    state = instance.kept.state
     command = read_at(instance.values, PLANT_TORQUE, np.zeros_like(state.torque))
     after = step(instance.setup, state, command, instance.period)
-    propose(instance.state, after, instance.like)
-    keep(instance.state)
+    instance.kept.state = after
     return tell_state(instance)
 
 
@@ -236,7 +239,7 @@ def begin_loop(instance: LoopInstance) -> int:
 def step_loop(instance: LoopInstance) -> int:
     """Answer the state, move the robot under the torque; as :func:`begin_loop`."""
     law, plant = instance.law, instance.plant
-    row = law.like.held
+    row = law.kept.state.held
     write_at(law.values, POSITION, read_at(plant.values, PLANT_POSITION, row))
     write_at(law.values, VELOCITY, read_at(plant.values, PLANT_VELOCITY, row))
     write_at(law.values, EFFORT, read_at(plant.values, PLANT_EFFORT, row))
@@ -251,7 +254,7 @@ def step_loop(instance: LoopInstance) -> int:
 @kernel
 def _refer(instance: LoopInstance) -> None:
     """Write the reference of the state that the law answers next."""
-    law, row = instance.law, instance.law.like.held
+    law, row = instance.law, instance.law.kept.state.held
     number = ROWS * len(row) + SAMPLE
     k = min(int(read_at(law.values, number, 0.0)), len(instance.position) - 1)
     write_at(law.values, REFERENCE, read_row(instance.position, k, row))

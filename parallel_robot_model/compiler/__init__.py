@@ -12,8 +12,8 @@ Loops
     ``FirstClass`` makes a kernel a value that other kernels take,
     ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
     its address, of type ``ANY`` where only that is needed; ``entry_point`` a kernel one that is
-    called from Python without a look at its types. A ``KeptValue`` is memory of any type: kernels
-    read what is ``present``, ``propose`` what comes next and ``keep`` it, or ``begin`` anew.
+    called from Python without a look at its types. A ``Struct`` is memory whose fields kernels and
+    Python read and write by their names.
     ``arrays_of`` and ``vectors_of`` turn vectors to arrays and back.
 Out of Python
     ``native_object`` makes an object file of kernels and of the boxed tuple that they take, with
@@ -23,7 +23,7 @@ Python
     reach a bag: numpy and scipy choose their code by the processor.
 """
 
-from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, plain_type
+from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, Struct, plain_type
 from parallel_robot_model.compiler.elementary.names import arctangent, cosine, sine
 from parallel_robot_model.compiler.kernels import (
     composed,
@@ -43,13 +43,8 @@ from parallel_robot_model.compiler.linear_algebra import (
     solve_sparse,
 )
 from parallel_robot_model.compiler.memory import (
-    KeptValue,
     Space,
-    begin,
-    keep,
     poll,
-    present,
-    propose,
     read_at,
     recv,
     send,
@@ -86,11 +81,11 @@ from parallel_robot_model.compiler.vectors import (
 )
 
 __all__ = [
-    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'KeptValue', 'Leaf', 'NativeObject',
-    'Space', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
-    'begin', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined',
-    'inner', 'is_finite', 'keep', 'kernel', 'largest', 'leaves', 'multiply', 'native_object',
-    'need_compiler', 'plain_type', 'poll', 'present', 'propose', 'read_at', 'read_row', 'reason',
-    'recv', 'select', 'send', 'shape_of', 'shutdown', 'sine', 'solve', 'solve_full',
-    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
+    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'Leaf', 'NativeObject', 'Space',
+    'Struct', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
+    'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined', 'inner',
+    'is_finite', 'kernel', 'largest', 'leaves', 'multiply', 'native_object', 'need_compiler',
+    'plain_type', 'poll', 'read_at', 'read_row', 'reason', 'recv', 'select', 'send',
+    'shape_of', 'shutdown', 'sine', 'solve', 'solve_full', 'solve_sparse', 'some', 'vector',
+    'vectors_of', 'write_at', 'write_row',
 ]  # fmt: skip

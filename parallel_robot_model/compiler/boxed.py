@@ -1,7 +1,8 @@
-"""Constants that kernels take by their address.
+"""Tuples that kernels take by their address: constants, and memory that they write.
 
 A tuple of many numbers takes long to hand over: each of them is copied at every call. A boxed one
-is written to memory once; kernels read its fields from there, by the same names.
+is written to memory once; kernels read its fields from there, by the same names. Those of a
+Struct they and Python write, too.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from parallel_robot_model.compiler.numba_parts import (
     in_kernels,
     infer_getattr,
     lower_getattr_generic,
+    lower_setattr_generic,
 )
 from parallel_robot_model.compiler.vectors import INTERPRETED, Vector, divisible
 
@@ -55,13 +57,14 @@ def plain(value: Any) -> Any:
 
 
 def read_plain(record: Any, like: Any) -> Any:
-    """A value as it lies in memory, of the type of `like`."""
+    """A value as it lies in memory, of the type of `like`, with what of `like` lies elsewhere."""
     if isinstance(like, tuple):
         parts = [read_plain(record[k], part) for k, part in enumerate(like)]
         return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
     if isinstance(like, Vector):
         return np.array(record).view(Vector)
-    return None if like is None else record.item()
+    lies_here = like is not None and plain_type(like) is not None
+    return record.item() if lies_here else like
 
 
 # Kernels as values, for kernels that take a function.
@@ -142,7 +145,7 @@ class BoxedType(types.Type):  # type: ignore[misc]
 
     def __init__(self, content: Any) -> None:
         self.content = content
-        super().__init__(f'Boxed({content})')
+        super().__init__(f'{type(self).__name__}({content})')
 
     @property
     def key(self) -> Any:
@@ -150,16 +153,24 @@ class BoxedType(types.Type):  # type: ignore[misc]
         return self.content
 
 
+class StructType(BoxedType):
+    """Numba's type of a Struct."""
+
+
 ANY = BoxedType(types.none)  # of one whose tuple is not known
 
 
 @register_model(BoxedType)
+@register_model(StructType)
 class _BoxedModel(models.OpaqueModel):  # type: ignore[misc]
     pass
 
 
 class Boxed:
     """A tuple, and where it lies in memory; it must outlive the kernels that have it."""
+
+    address: int  # of its copy in memory
+    _record: Any  # that copy, an array of one
 
     def __init__(self, value: Any, kind: Any = None) -> None:
         """Copy a tuple into memory; texts in it are kept while the process lives.
@@ -168,21 +179,29 @@ class Boxed:
             value: The tuple.
             kind: Its type for kernels: ANY; None: that of the tuple.
         """
-        self.value = value  # the tuple
         if INTERPRETED:
-            self.value, self._numba_type_ = divisible(value), ANY
+            self._value, self._numba_type_ = divisible(value), ANY
             return
-        self._numba_type_ = kind or BoxedType(typeof(value))
+        self._value = value
+        self._numba_type_ = kind or self._type(typeof(value))
         written = _plain(value)
         layout = plain_type(written)
         room = _room(value) if layout is None else layout.itemsize
-        self._memory = np.zeros(room + ALIGNMENT, np.uint8)
-        begin = -self._memory.ctypes.data % ALIGNMENT
-        self.address = self._memory.ctypes.data + begin  # address of its copy in memory
+        memory = np.zeros(room + ALIGNMENT, np.uint8)
+        begin = -memory.ctypes.data % ALIGNMENT
+        self.address, self._record = memory.ctypes.data + begin, memory
         if layout is None:
             _store(value, self.address)
         else:
-            np.ndarray(1, layout, self._memory.data, begin)[0] = written
+            self._record = np.ndarray(1, layout, memory.data, begin)
+            self._record[0] = written
+
+    _type: Any = BoxedType
+
+    @property
+    def value(self) -> Any:
+        """The tuple."""
+        return self._value
 
     def __getattr__(self, name: str) -> Any:
         """A field of the tuple."""
@@ -194,12 +213,59 @@ class Boxed:
         return repr(self.value)
 
 
+class Struct(Boxed):
+    """A tuple in memory whose fields kernels and Python write, by their names.
+
+    A field is a number, a vector, a tuple of such, an array, or another Struct; those of the last
+    two kinds stay what they are, and it is their elements and fields that change.
+    """
+
+    _type = StructType
+
+    @property
+    def value(self) -> Any:
+        """What lies in memory now, with the same arrays and structs."""
+        return self._value if INTERPRETED else read_plain(self._record[0], self._value)
+
+    def __setattr__(self, name: str, new: Any) -> None:
+        """Write a field."""
+        if name not in getattr(self.__dict__.get('_value'), '_fields', ()):
+            object.__setattr__(self, name, new)
+        elif INTERPRETED:
+            self.__dict__['_value'] = self._value._replace(**{name: divisible(new)})
+        else:
+            self._record[f'f{self._value._fields.index(name)}'][0] = plain(new)
+
+    def copy(self) -> list[Any]:
+        """All of it, for :meth:`restore`."""
+        return [each.copy() if _lies_elsewhere(each) else each for each in self.value]
+
+    def restore(self, copy: list[Any]) -> None:
+        """Be as when a copy was made, of this or of one with the same types and sizes."""
+        for name, each, saved in zip(self.value._fields, self.value, copy, strict=True):
+            if isinstance(each, Struct):
+                each.restore(saved)
+            elif _lies_elsewhere(each):
+                each[:] = saved
+            else:
+                setattr(self, name, saved)
+
+
+def _lies_elsewhere(value: Any) -> bool:
+    """Whether a Struct has but the address of a value that it changes."""
+    is_array = isinstance(value, np.ndarray) and not isinstance(value, Vector)
+    return is_array or isinstance(value, Struct)
+
+
 def _plain(value: Any) -> Any:
     """A value with addresses in place of what lies elsewhere."""
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
     if isinstance(value, FirstClass):
         return value.fields
+    if isinstance(value, np.ndarray) and not isinstance(value, Vector):
+        # no owner and no parent: it lives as long as the Boxed
+        return 0, 0, value.size, value.itemsize, value.ctypes.data, value.shape, value.strides
     return value.address if isinstance(value, Boxed) else plain(value)
 
 
@@ -249,6 +315,7 @@ def _store(value: Any, address: int) -> None:
 
 
 @unbox(BoxedType)
+@unbox(StructType)
 def _from_python(kind: Any, value: Any, c: Any) -> Any:
     number = c.pyapi.object_getattr_string(value, 'address')
     address = c.pyapi.long_as_voidptr(number)
@@ -267,10 +334,24 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(BoxedType)
 def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
+    inner, place = _place(context, builder, kind, value, name)
+    loaded = builder.load(place)
+    if not isinstance(kind, StructType):  # may be read once
+        loaded.set_metadata('invariant.load', builder.module.add_metadata([]))
+    return impl_ret_borrowed(context, builder, inner, loaded)
+
+
+@lower_setattr_generic(StructType)
+def _set_field(context: Any, builder: Any, signature: Any, values: Any, name: str) -> None:
+    kind, given = signature.args
+    inner, place = _place(context, builder, kind, values[0], name)
+    builder.store(context.cast(builder, values[1], given, inner), place)
+
+
+def _place(context: Any, builder: Any, kind: Any, value: Any, name: str) -> tuple[Any, Any]:
+    """Type of a field, and emit a pointer to it."""
     content = kind.content
     at = content.fields.index(name)
     start = builder.bitcast(value, context.get_value_type(content).as_pointer())
     place = [ir.Constant(ir.IntType(32), 0), ir.Constant(ir.IntType(32), at)]
-    loaded = builder.load(builder.gep(start, place, inbounds=True))
-    loaded.set_metadata('invariant.load', builder.module.add_metadata([]))  # may be read once
-    return impl_ret_borrowed(context, builder, content[at], loaded)
+    return content[at], builder.gep(start, place, inbounds=True)

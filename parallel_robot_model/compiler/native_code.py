@@ -15,7 +15,7 @@ from numba import typeof, types
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed, FirstClass
 from parallel_robot_model.compiler.kernels import need_compiler
-from parallel_robot_model.compiler.memory import KeptValue, Space
+from parallel_robot_model.compiler.memory import Space
 from parallel_robot_model.compiler.numba_parts import bitcode_of, cpu_target
 from parallel_robot_model.compiler.vectors import VectorType
 
@@ -50,7 +50,7 @@ class Image(NamedTuple):
 
 
 def image_of(root: Boxed) -> Image:
-    """Copy a boxed tuple, with the tuples, spaces, arrays and kept values that it reaches.
+    """Copy a boxed tuple, with the tuples, spaces and arrays that it reaches.
 
     Texts are left out: kernels find empty ones.
     """
@@ -64,7 +64,7 @@ def image_of(root: Boxed) -> Image:
         if boxed.address in extents:
             continue
         whole = typeof(boxed.value)
-        extents[boxed.address] = _size(whole)
+        extents[boxed.address] = max(_size(whole), POINTER)  # a law may remember nothing
         for address, kind, value in leaves(boxed.value, whole, boxed.address):
             if isinstance(value, Boxed):
                 todo.append(value)
@@ -77,9 +77,6 @@ def image_of(root: Boxed) -> Image:
                 extents[value.ctypes.data] = max(
                     value.nbytes, extents.get(value.ctypes.data, POINTER)
                 )
-            elif isinstance(value, KeptValue):
-                links.append((address, int(value)))
-                extents[int(value)] = value.size
             elif isinstance(value, Space):
                 links.append((address, int(value)))
                 extents[int(value)] = max(value.floats.nbytes, extents.get(int(value), POINTER))

@@ -1,7 +1,7 @@
 """The private parts of Numba that the compiler is built on, each with its reason.
 
 Numba promises none of them. Tried with 0.67.0 and 0.68.1. For another release these have to pass:
-test_kernel.py, test_vectors.py, test_kept_value.py, test_kernel_cache.py, test_interpreted.py,
+test_kernel.py, test_vectors.py, test_struct.py, test_kernel_cache.py, test_interpreted.py,
 test_integrators.py.
 """
 
@@ -33,6 +33,7 @@ from numba.core.imputils import (
     impl_ret_new_ref,
     lower_builtin,
     lower_getattr_generic,
+    lower_setattr_generic,
 )
 
 # The class of a compiled function: Kernel tells vectors of different sizes apart. And how
@@ -61,7 +62,8 @@ __all__ = [
     'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
     'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed',
     'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'loaded_library', 'loops_of',
-    'lower_builtin', 'lower_getattr_generic', 'rtsys', 'symbols_of',
+    'lower_builtin', 'lower_getattr_generic', 'lower_setattr_generic', 'rtsys',
+    'symbols_of',
 ]  # fmt: skip
 
 

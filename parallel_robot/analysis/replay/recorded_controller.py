@@ -66,21 +66,21 @@ class Event(NamedTuple):
 
 
 class Past(NamedTuple):
-    """Copies of the memories of a law and of its Kalman filter."""
+    """Copies of the memories of a law and of the cycle."""
 
-    law: np.ndarray
+    law: Any
     filter_: np.ndarray
 
     def restore(self, control: Control) -> None:
         """Let a controller remember this."""
-        control.law.memory.restore(self.law)
+        control.law.memory.current = self.law
         control.setup.estimator.kalman.memory.floats[:] = self.filter_
 
 
 def past_of(control: Control) -> Past:
     """What a controller remembers."""
     floats = control.setup.estimator.kalman.memory.floats
-    return Past(control.law.memory.copy(), floats.copy())
+    return Past(control.law.memory.current, floats.copy())
 
 
 class Moment(NamedTuple):
@@ -220,7 +220,7 @@ class RecordedController:
             if begin in self._restarts or begin in self._renewals:
                 state = restarted(state, np.array(self._configuration.guess))
                 state = joining(state, self._effort[begin])
-                control.law.memory.begin()
+                control.law.memory.current = control.law.memory.first
             elif begin in self._gaps:
                 state = without_torque(tripped(state, faults.STATES_STALE))
             if begin in self._returns:
@@ -317,7 +317,7 @@ def after(moment: Moment, event: Event) -> Moment:
         state = placed(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
         state = cleared(state)
-        past = past._replace(law=control.law.memory.begun)
+        past = past._replace(law=control.law.memory.first)
     elif event.fault and state.fault == faults.NONE:
         state = tripped(state, event.fault)
         if event.fault in LOST:

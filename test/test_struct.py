@@ -1,4 +1,4 @@
-"""Memory of any type that kernels read and write in place, and drop or keep what they wrote."""
+"""Memory of any type whose fields kernels and Python read and write."""
 
 from typing import NamedTuple
 
@@ -6,18 +6,15 @@ import numpy as np
 import pytest
 
 from parallel_robot_model.compiler import (
-    KeptValue,
+    Struct,
     arrays_of,
     as_arrays,
     as_vectors,
-    begin,
-    keep,
     kernel,
     plain_type,
-    present,
-    propose,
     vector,
     vectors_of,
+    write_row,
 )
 
 
@@ -43,23 +40,13 @@ CASES = {
 
 
 @kernel
-def proposed(kept, value):
-    propose(kept, value, value)
+def written(struct, value):
+    struct.one = value
 
 
 @kernel
-def found(kept, like):
-    return present(kept, like)
-
-
-@kernel
-def kept_by_a_kernel(kept):
-    keep(kept)
-
-
-@kernel
-def begun_by_a_kernel(kept):
-    begin(kept)
+def found(struct):
+    return struct.one
 
 
 @kernel
@@ -74,41 +61,53 @@ def same(value, other):
 
 
 @pytest.mark.parametrize('case', CASES)
-def test_what_is_proposed_is_present_once_it_is_kept(case):
+def test_what_one_side_writes_the_other_reads(case):
     first, second = map(as_vectors, CASES[case])
-    kept = KeptValue(first)
+    struct = Struct(Pair(first, first))
 
     def shows(value):
-        return same(found(kept, first), value) and same(kept.value, value)
+        values = found(struct), struct.one, struct.value.one
+        return all(same(each, value) for each in values) and same(struct.other, first)
 
     assert shows(first)
-    for value in (second, first, second):
-        proposed(kept, value)
-    assert shows(first)
-    kept_by_a_kernel(kept)
+    written(struct, second)
     assert shows(second)
-    proposed(kept, first)
-    assert shows(second)
-    kept_by_a_kernel(kept)
-    assert shows(first)
-    proposed(kept, second)
-    kept_by_a_kernel(kept)
-    begun_by_a_kernel(kept)
+    struct.one = first
     assert shows(first)
 
 
-def test_a_copy_brings_back_what_was_present():
-    kept = KeptValue(vector((1.0, 2.0)))
-    proposed(kept, vector((3.0, 4.0)))
-    kept_by_a_kernel(kept)
-    before, begun = kept.copy(), kept.begun
-    proposed(kept, vector((5.0, 6.0)))
-    kept_by_a_kernel(kept)
-    for copy, value in ((before, [3.0, 4.0]), (begun, [1.0, 2.0])):
-        other = KeptValue(vector((0.0, 0.0)))
-        for each in (kept, other):
-            each.restore(copy)
-            assert each.value.tolist() == value
+class Row(NamedTuple):
+    count: int
+    rows: object
+    last: object
+
+
+@kernel
+def added(struct, value):
+    struct.last.one = value
+    write_row(struct.rows, struct.count, value)
+    struct.count += 1
+
+
+def test_a_copy_brings_back_arrays_and_structs_too():
+    def made():
+        return Struct(Row(0, np.zeros((3, 2)), Struct(Pair(vector((0.0, 0.0)), 1.5))))
+
+    def shows(struct):
+        return struct.count, struct.rows.tolist(), struct.last.one.tolist(), struct.last.other
+
+    struct = made()
+    added(struct, vector((1.0, 2.0)))
+    before, copy = shows(struct), struct.copy()
+    assert before == (1, [[1.0, 2.0], [0.0, 0.0], [0.0, 0.0]], [1.0, 2.0], 1.5)
+    added(struct, vector((3.0, 4.0)))
+    assert shows(struct) == (2, [[1.0, 2.0], [3.0, 4.0], [0.0, 0.0]], [3.0, 4.0], 1.5)
+    other = made()
+    for each in (struct, other):
+        each.restore(copy)
+        assert shows(each) == before
+    added(other, vector((3.0, 4.0)))
+    assert shows(struct) == before
 
 
 def test_an_array_of_another_size_is_not_read():
@@ -127,7 +126,5 @@ def test_vectors_as_arrays_and_back_are_the_same(case):
 
 
 @pytest.mark.parametrize('value', ['text', [1.0], np.zeros(3, np.float32), (1.0, {})])
-def test_nothing_else_is_kept(value):
+def test_nothing_else_is_plain(value):
     assert plain_type(value) is None
-    with pytest.raises(TypeError, match='made of numbers, vectors and None'):
-        KeptValue(value)
