@@ -136,7 +136,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     row = core.setup.limits.torque
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
-    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known, row)
+    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known)
     question = _open(common, wire, data, now, monotonic, row, tracks, delay)
     if question.code != ANSWERED:
         return question.code
@@ -157,7 +157,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.torques, 0, done.torque)
     write_row(common.commanded, common.numbers[LOGGED] % AGES, done.torque)
     write_row(common.efforts, common.numbers[LOGGED] % AGES, question.effort)
-    phase = lock_in.phase(estimator.lock_in, sample, row)
+    phase = lock_in.phase(estimator.lock_in, sample)
     code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
     numbers, after = common.numbers, done.state
     if numbers[ACTED] != acted or after.fault != before.fault or after.lost != before.lost:

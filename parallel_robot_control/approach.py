@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, NamedTuple
-
-import numpy as np
+from typing import Annotated, Any, NamedTuple
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, largest, read_at, select, write_at
+from parallel_robot_model.compiler import Struct, clip, inner, largest, select
 from parallel_robot_model.configuration.fields import Field
 
 
@@ -29,9 +26,24 @@ class ApproachParameters(NamedTuple):
     ]
 
 
+class ApproachMemory(NamedTuple):
+    """What is remembered of an approach, as a Struct; see :func:`approached`."""
+
+    offset: Array  # e [rad], shape (n,)
+    rate: Array  # e' [rad/s], shape (n,)
+    elapsed: float  # t [s]; ENDED where there is no approach
+    length: float  # T [s]
+    braking: float  # B [s]
+    at_once: float  # a
+
+
+def approach_memory(zero: Array) -> Struct:
+    """Before the first approach; `zero`: a vector, shape (n,)."""
+    return Struct(ApproachMemory(zero, zero, 0.0, 0.0, 0.0, 0.0))
+
+
 GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back
 ENDED = -1.0  # s, time since the begin where there is no approach
-OFFSET, RATE, ELAPSED, LENGTH, BRAKING, AT_ONCE = range(6)  # rows in the memory of the cycle
 SHORTEST = 0.02  # s, of the time over which a rate is faded
 SLOW, DRIFT = 1e-6, 0.0085  # rad/s; rad, 6.7 times by which a rate may go on at the least
 SHARE = 0.3  # of the way back: shortest time for an offset, longest for a rate
@@ -43,14 +55,13 @@ ABRUPT = 3.0  # acceleration with which a way back begins to brake, times B / e'
 @inner
 def _begin(
     parameters: ApproachParameters,
-    memory: int,
+    memory: Any,
     begins: int,
     reference: JointReference,
     position: Array,
     velocity: Array,
 ) -> None:
     """Begin an approach; the arguments are those of :func:`approached`."""
-    row, zero = cycle_memory.APPROACH, np.zeros_like(position)
     e, v = position - reference.position, velocity - reference.velocity
     duration = braking = parameters.duration
     at_once = 0.0
@@ -64,17 +75,14 @@ def _begin(
         bent, drifts = BRAKED * speed / fast, DRIFT / speed
         braking = clip(select(drifts > bent, drifts, bent), SHORTEST, SHARE * most)
         at_once = ABRUPT
-    write_at(memory, row + OFFSET, e)
-    write_at(memory, row + RATE, v)
-    write_at(memory, row + LENGTH, zero + duration)
-    write_at(memory, row + BRAKING, zero + braking)
-    write_at(memory, row + AT_ONCE, zero + at_once)
+    memory.offset, memory.rate, memory.at_once = e, v, at_once
+    memory.length, memory.braking = duration, braking
 
 
 @inner
 def approached(
     parameters: ApproachParameters,
-    memory: int,
+    memory: Any,
     begins: int,
     reference: JointReference,
     position: Array,
@@ -96,15 +104,14 @@ def approached(
 
     Args:
         parameters: T at a start and on a way back; with 0, the reference stays as it is.
-        memory: Address of the memory of the cycle, which has e, e', t, T, B and a.
+        memory: An ApproachMemory, as a Struct.
         begins: Whether an approach begins: GOES_ON, START or BACK.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         dt: Time since the moment at which the torque before acted [s].
     """
-    row = cycle_memory.APPROACH
-    t = read_at(memory, row + ELAPSED, position)[0]
+    t = memory.elapsed
     if begins == GOES_ON:
         if t == ENDED:
             return reference
@@ -112,13 +119,12 @@ def approached(
     else:
         t = 0.0
         _begin(parameters, memory, begins, reference, position, velocity)
-    duration = read_at(memory, row + LENGTH, position)[0]
-    braking = read_at(memory, row + BRAKING, position)[0]
+    duration, braking = memory.length, memory.braking
     goes_on = t < duration or t < braking
-    write_at(memory, row + ELAPSED, np.zeros_like(position) + select(goes_on, t, ENDED))
+    memory.elapsed = select(goes_on, t, ENDED)
     if not goes_on:
         return reference
-    e, v = read_at(memory, row + OFFSET, position), read_at(memory, row + RATE, position)
+    e, v, a = memory.offset, memory.rate, memory.at_once
     per_time = 1.0 / duration
     x = select(t < duration, t * per_time, 1.0)
     xx = x * x
@@ -129,7 +135,6 @@ def approached(
     x = select(t < braking, t * per_time, 1.0)
     xx = x * x
     y = 1.0 - x
-    a = read_at(memory, row + AT_ONCE, position)[0]
     turn = braking * x * (1.0 - xx * (6.0 - x * (8.0 - 3.0 * x)) - 0.5 * a * x * y * y * y)
     turn_rate = 1.0 - xx * (18.0 - x * (32.0 - 15.0 * x)) - a * x * y * y * (1.0 - 2.5 * x)
     bends = x * (36.0 - x * (96.0 - 60.0 * x)) + a * y * (1.0 - x * (8.0 - 10.0 * x))

@@ -8,16 +8,15 @@ import numpy as np
 
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.cycle import ControlSetup, CycleState, initial_state
-from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_memory, initial_state
 from parallel_robot_control.estimation.estimator import estimator_of
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
-from parallel_robot_control.repetition import repetition_of, rows
+from parallel_robot_control.repetition import repetition_of
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import limits_of
 from parallel_robot_control.terms import asked_of
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Boxed, Space, vector
+from parallel_robot_model.compiler import Boxed, Struct, vector
 from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.robots.contract import PoseMotion
 
@@ -31,7 +30,7 @@ class Control(NamedTuple):
 
 
 def assemble(
-    configuration: ControlConfiguration, law: str = '', memory: Space | None = None
+    configuration: ControlConfiguration, law: str = '', memory: Struct | None = None
 ) -> Control:
     """Put a controller together.
 
@@ -86,13 +85,14 @@ def assemble(
             estimator,
             configuration.approach,
             losing(robot, configuration.margins, row, guess),
+            memory,
             Boxed(
                 repetition_of(
                     configuration.repetition,
                     configuration.turn,
                     configuration.laws[name],
                     period,
-                    cycle_memory.of_repetition(memory, configuration.joints),
+                    memory.repetition,
                 )
             ),
         ),
@@ -100,10 +100,9 @@ def assemble(
     )
 
 
-def memory_of(configuration: ControlConfiguration) -> Space:
+def memory_of(configuration: ControlConfiguration) -> Struct:
     """Memory of the cycle of a controller, before its first state."""
-    row = vector(np.zeros(configuration.joints))
-    return cycle_memory.made_for(row, rows(configuration.turn))
+    return cycle_memory(configuration.joints, configuration.turn)
 
 
 def inertia_of(configuration: ControlConfiguration) -> Array:

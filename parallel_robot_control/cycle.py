@@ -7,9 +7,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control import repetition
-from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
+from parallel_robot_control.approach import (
+    BACK,
+    GOES_ON,
+    START,
+    ApproachParameters,
+    approach_memory,
+    approached,
+)
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.estimation import cycle_memory, kalman, lock_in
+from parallel_robot_control.estimation import kalman, lock_in, recent_torques
 from parallel_robot_control.estimation.estimator import (
     AGED,
     FILTER,
@@ -22,13 +29,21 @@ from parallel_robot_control.estimation.estimator import (
 from parallel_robot_control.prepared_law import Asked
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.checks import TOLD, arrival, inconsistent
+from parallel_robot_control.safety.checks import (
+    TOLD,
+    arrival,
+    arrival_memory,
+    inconsistent,
+    momentum_memory,
+    ways_memory,
+)
 from parallel_robot_control.safety.limiting import EFFORT, Last
 from parallel_robot_control.sense_and_act import act, sense
 from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     FirstClass,
+    Struct,
     every,
     inner,
     kernel,
@@ -49,6 +64,37 @@ class CycleState(NamedTuple):
     begins: int  # what the next cycle begins: GOES_ON, START or BACK
     # whether the pose may be that of another assembly mode, see assembly_mode.py; it is latched
     lost: bool
+
+
+class CycleMemory(NamedTuple):
+    """What the cycle remembers besides its state; laws that follow each other share it."""
+
+    torques: Any  # RecentTorques; it and all that follows as a Struct
+    kalman: Any  # KalmanMemory
+    lock_in: Any  # LockInMemory
+    approach: Any  # ApproachMemory
+    ways: Any  # WaysMemory
+    arrival: Any  # ArrivalMemory
+    momentum: Any  # MomentumMemory
+    repetition: Any  # RepetitionMemory
+
+
+def cycle_memory(joints: int, turn: int = 0) -> Struct:
+    """Memory before the first state; `turn`: samples of a turn from which the next one learns."""
+    zero = vector(np.zeros(joints))
+    torques = recent_torques.recent_torques(zero)
+    return Struct(
+        CycleMemory(
+            torques,
+            kalman.kalman_memory(zero, torques),
+            lock_in.lock_in_memory(zero),
+            approach_memory(zero),
+            ways_memory(zero),
+            arrival_memory(),
+            momentum_memory(zero),
+            repetition.repetition_memory(joints, turn),
+        )
+    )
 
 
 class When(NamedTuple):
@@ -73,6 +119,7 @@ class ControlSetup(NamedTuple):
     estimator: Any  # estimator, boxed
     approach: ApproachParameters  # times over which an offset is faded
     losing: int  # faults of the robot at which it has no pose, as bits
+    memory: Any  # CycleMemory, a Struct
     repetition: Any  # what is learned from turn to turn, boxed
 
 
@@ -172,17 +219,18 @@ def run_cycle(
         state: State of the controller after the cycle before.
         when: Age of the state, time since the one before.
     """
-    limits, estimator, dt = setup.limits, setup.estimator, when.dt
+    limits, estimator, memory, dt = setup.limits, setup.estimator, setup.memory, when.dt
     position = position - estimator.zero_angle
     identified, known, filter_ = estimator.lock_in, state.last.known, estimator.kalman
     if identified.on:
         lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
-    delay = lock_in.delay_at(identified, estimator.delay, known, position)
+    delay = lock_in.delay_at(identified, estimator.delay, known)
     tracks, late = estimator.kind == KALMAN, when.age + delay
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
     gap, last, begun = known and dt > limits.gap, state.last, state.begins
     told = arrival(
-        filter_.memory,
+        memory.arrival,
+        memory.torques,
         filter_.period,
         limits.effort_tolerance,
         effort,
@@ -197,10 +245,10 @@ def run_cycle(
         last, begun, anew = taking_over(last, effort), BACK, True
         excess = np.zeros_like(excess)
     if begun == BACK:
-        kalman.forget(filter_.memory)
+        memory.torques.tracked = False
     since = dt
     if tracks:
-        since = cycle_memory.between(filter_.memory, when.age, known, dt)
+        since = recent_torques.between(memory.torques, when.age, known, dt)
     # 2. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
@@ -209,13 +257,13 @@ def run_cycle(
     if tracks and not filter_.velocities:
         velocity = np.zeros_like(velocity)
         if kalman.running(filter_, when.sample, state.last.known):
-            velocity = kalman.known_velocity(filter_, velocity)
-    joined = approached(setup.approach, filter_.memory, begun, desired, position, velocity, since)
+            velocity = memory.kalman.mean.velocity
+    joined = approached(setup.approach, memory.approach, begun, desired, position, velocity, since)
     reference = moved_on(joined, -late)
     error = position - reference.position
     measured = estimator.kind == NONE or estimator.kind == AGED or (tracks and filter_.velocities)
     wrong = inconsistent(
-        filter_.memory,
+        memory.ways,
         limits.rate_tolerance,
         position,
         velocity,
@@ -242,7 +290,7 @@ def run_cycle(
         late,
         state.lost,
         setup.losing,
-        filter_.memory,
+        memory.momentum,
         when.sample,
         select(effort - effort == 0.0, effort, last.torque),
         known and not gap,
@@ -307,11 +355,11 @@ def run_cycle(
         dt,
     )
     # Also without a filter: a law that comes next may have one.
-    cycle_memory.remember(
-        filter_.memory, when.sample, done.torque, learned, tracks, filter_.lag, filter_.period
+    recent_torques.remember(
+        memory.torques, when.sample, done.torque, learned, tracks, filter_.lag, filter_.period
     )
     if repeats.on and done.fault == faults.NONE:
-        finds = lock_in.phase(identified, when.sample, zero)
+        finds = lock_in.phase(identified, when.sample)
         believed = done.acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
         repetition.learn(
             repeats, when.sample, desired, learned, correction, believed, limits.torque

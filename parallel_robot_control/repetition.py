@@ -23,7 +23,7 @@ Source:
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -31,13 +31,13 @@ from parallel_robot_control.contract import Feedback, JointReference, Law
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    Space,
+    Struct,
     clip,
     every,
     inner,
-    read_at,
+    read_row,
     select,
-    write_at,
+    write_row,
 )
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import Model, inverse_dynamics
@@ -52,12 +52,6 @@ LOOKS = 64  # times of a turn at which a motion is compared with the next turn
 REPEATED = 1e-9  # of its size, by which it may differ there
 SAME = 1e-5  # rad, beside the way of one sample, by which a reference differs from another motion
 FADE = 0.1  # s, in which what was learned comes in or goes out
-
-# Floats in the first rows: newest sample, next row to be emptied, the last one, since how many
-# samples the law has been alone, weight of what was learned, whether the law knows the model.
-NEWEST, NEXT, STOP, CALM, WEIGHT, MODEL = range(6)
-HEAD = 6  # rows
-REFERENCE, LEARNED, ADDED, PARTS = range(4)  # rows of each sample of a turn
 
 
 class RepetitionParameters(NamedTuple):
@@ -92,8 +86,28 @@ class Repetition(NamedTuple):
     period: float  # of the samples [s]
     model: bool  # whether the law adds what the model knows; if not, that is learned, too
     side: int  # samples to either side of the one for which Q is computed
-    weights: int  # address of the weights of Q, from its centre on: side + 1
-    memory: int  # address of the memory, see :func:`rows`
+    weights: Array  # weights of Q, from its centre on, shape (side + 1,)
+    memory: Any  # its RepetitionMemory, a Struct
+
+
+class RepetitionMemory(NamedTuple):
+    """What was learned of a turn of T samples, as a Struct; a row a sample, shape (T, n)."""
+
+    newest: int  # sample
+    next: int  # row that is to be emptied
+    stop: int  # and the one after the last of them
+    calm: int  # since how many samples the law has been alone
+    weight: float  # of what was learned
+    model: bool  # whether the law knows the model
+    reference: Array  # [rad]; NaN where nothing was learned
+    learned: Array  # [N m]
+    added: Array  # what Q makes of it [N m]
+
+
+def repetition_memory(joints: int, turn: int) -> Struct:
+    """Before the first turn, of so many samples; 0 where nothing is learned."""
+    rows = [np.zeros((turn, joints)) for _ in range(3)]
+    return Struct(RepetitionMemory(0, 0, 0, 0, 0.0, False, *rows))
 
 
 def turn_of(parameters: RepetitionParameters, trajectory: Trajectory, period: float) -> int:
@@ -160,13 +174,8 @@ def weights_of(cutoff: float, period: float) -> Array:
     return weights
 
 
-def rows(turn: int) -> int:
-    """Rows of n floats that the memory of a turn takes; none where nothing is learned."""
-    return HEAD + PARTS * turn if turn else 0
-
-
 def repetition_of(
-    parameters: RepetitionParameters, turn: int, law: Law, period: float, memory: Space
+    parameters: RepetitionParameters, turn: int, law: Law, period: float, memory: Struct
 ) -> Repetition:
     """Make what the kernels take.
 
@@ -175,7 +184,7 @@ def repetition_of(
         turn: Samples of a turn, of :func:`turn_of`.
         law: The law; one with ``MODEL = False`` does not add what the model knows.
         period: Control period [s].
-        memory: :func:`rows` of n floats, which laws that follow each other share.
+        memory: A RepetitionMemory, which laws that follow each other share.
     """
     weights = weights_of(parameters.cutoff, period) if turn else np.ones(1)
     return Repetition(
@@ -188,7 +197,7 @@ def repetition_of(
         period,
         bool(getattr(law, 'MODEL', True)),  # optional in the contract
         len(weights) - 1,
-        Space.within(weights),
+        weights,
         memory,
     )
 
@@ -212,33 +221,26 @@ def recalled(
         switched: Whether law or gains are new.
         reference: The desired motion.
     """
-    at, like = repetition.memory, reference.position
-    newest, weight = read_at(at, NEWEST, 0.0), read_at(at, WEIGHT, 0.0)
-    model = select(repetition.model, 1.0, 0.0)
+    at, zero = repetition.memory, np.zeros_like(reference.position)
     # 1. A memory that is empty: its rows are emptied one by one, before each is used.
-    if not known or sample <= newest or read_at(at, MODEL, 0.0) != model:
-        begin = sample - repetition.lead - 2 * repetition.side
-        write_at(at, NEXT, float(begin))
-        write_at(at, STOP, float(begin + repetition.turn))
-        write_at(at, CALM, 0.0)
-        write_at(at, MODEL, model)
-        newest, weight = float(sample), 0.0
-    begin, stop = int(read_at(at, NEXT, 0.0)), min(int(read_at(at, STOP, 0.0)), sample + 1)
-    for k in range(begin, stop):
-        row = HEAD + k % repetition.turn
-        write_at(at, row + REFERENCE * repetition.turn, np.zeros_like(like) + np.nan)
-        write_at(at, row + LEARNED * repetition.turn, np.zeros_like(like))
-        write_at(at, row + ADDED * repetition.turn, np.zeros_like(like))
-    write_at(at, NEXT, float(max(begin, stop)))
+    if not known or sample <= at.newest or at.model != repetition.model:
+        at.next = sample - repetition.lead - 2 * repetition.side
+        at.stop = at.next + repetition.turn
+        at.newest, at.calm, at.weight, at.model = sample, 0, 0.0, repetition.model
+    stop = min(at.stop, sample + 1)
+    for k in range(at.next, stop):
+        write_row(at.reference, k % repetition.turn, zero + np.nan)
+        write_row(at.learned, k % repetition.turn, zero)
+        write_row(at.added, k % repetition.turn, zero)
+    at.next = max(at.next, stop)
     # 2. How long nothing has disturbed the law, and how much of what it learned counts.
-    calm = select(alone and not switched, read_at(at, CALM, 0.0) + (sample - newest), 0.0)
-    comes = _repeated(repetition, sample, reference) and (weight > 0.0 or calm >= repetition.wait)
+    at.calm = select(alone and not switched, at.calm + (sample - at.newest), 0)
+    ready = at.weight > 0.0 or at.calm >= repetition.wait
+    comes = _repeated(repetition, sample, reference) and ready
     fade = select(comes, repetition.fade, -repetition.fade)
-    weight = select(alone, clip(weight + fade, 0.0, 1.0), 0.0)
-    write_at(at, NEWEST, float(sample))
-    write_at(at, CALM, calm)
-    write_at(at, WEIGHT, weight)
-    return weight * _row(repetition, ADDED, sample, like)
+    at.weight = select(alone, clip(at.weight + fade, 0.0, 1.0), 0.0)
+    at.newest = sample
+    return at.weight * read_row(at.added, sample % repetition.turn, zero)
 
 
 @inner
@@ -277,48 +279,40 @@ def learn(
         limit: Largest torque [N m], shape (n,); no more is learned.
     """
     at, turn, gain = repetition.memory, repetition.turn, repetition.gain
-    calm = read_at(at, CALM, 0.0)
-    if calm < repetition.wait:
+    if at.calm < repetition.wait:
         return
-    row = HEAD + sample % turn
-    before = read_at(at, row + ADDED * turn, added)
-    before = select(_repeated(repetition, sample, reference), before, np.zeros_like(added))
-    write_at(at, row + LEARNED * turn, before + gain * (added - before))
-    write_at(at, row + REFERENCE * turn, reference.position)
+    row, zero = sample % turn, np.zeros_like(added)
+    before = read_row(at.added, row, zero)
+    before = select(_repeated(repetition, sample, reference), before, zero)
+    write_row(at.learned, row, before + gain * (added - before))
+    write_row(at.reference, row, reference.position)
     late = sample - repetition.lead
-    if believed and calm >= repetition.wait + repetition.lead:
-        learned = _row(repetition, LEARNED, late, added) + gain * correction
-        write_at(at, HEAD + late % turn + LEARNED * turn, clip(learned, -limit, limit))
+    if believed and at.calm >= repetition.wait + repetition.lead:
+        learned = read_row(at.learned, late % turn, zero) + gain * correction
+        write_row(at.learned, late % turn, clip(learned, -limit, limit))
     centre = (late - repetition.side) % turn
-    write_at(at, HEAD + centre + ADDED * turn, _filtered(repetition, centre, added))
-
-
-@inner
-def _row(repetition: Repetition, part: int, sample: int, like: Array) -> Array:
-    """What is kept for a sample of a turn, shape (n,), as `like`."""
-    turn = repetition.turn
-    return read_at(repetition.memory, HEAD + part * turn + sample % turn, like)
+    write_row(at.added, centre, _filtered(repetition, centre, zero))
 
 
 @inner
 def _repeated(repetition: Repetition, sample: int, reference: JointReference) -> bool:
     """Whether the reference is that of the last turn."""
-    off = reference.position - _row(repetition, REFERENCE, sample, reference.position)
+    row = sample % repetition.turn
+    off = reference.position - read_row(repetition.memory.reference, row, reference.position)
     return every(np.abs(off) <= SAME + repetition.period * np.abs(reference.velocity))
 
 
 @inner
 def _filtered(repetition: Repetition, centre: int, like: Array) -> Array:
     """What Q makes of all that was learned, at a row of the turn [N m], shape (n,)."""
-    turn, begin = repetition.turn, HEAD + LEARNED * repetition.turn
-    found = read_at(repetition.weights, 0, 0.0) * read_at(repetition.memory, begin + centre, like)
+    turn, rows, weights = repetition.turn, repetition.memory.learned, repetition.weights
+    found = weights[0] * read_row(rows, centre, like)
     for k in range(1, repetition.side + 1):
         left, right = centre - k, centre + k
         left, right = (
             select(left < 0, left + turn, left),
             select(right < turn, right, right - turn),
         )
-        both = read_at(repetition.memory, begin + left, like)
-        both = both + read_at(repetition.memory, begin + right, like)
-        found = found + read_at(repetition.weights, k, 0.0) * both
+        both = read_row(rows, left, like) + read_row(rows, right, like)
+        found = found + weights[k] * both
     return found

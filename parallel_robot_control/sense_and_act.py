@@ -61,7 +61,7 @@ def sense(
     late: float,
     lost: bool,
     losing: int,
-    memory: int,
+    memory: Any,
     sample: int,
     acted: Array,
     comparable: bool,
@@ -71,7 +71,8 @@ def sense(
     Arguments as of :func:`cycle.run_cycle`, and of the state only what counts: a whole one takes
     long to hand over. `doubt` is a fault that torques and states show, `since` the time between
     the moments of the two references [s]. A fault in the motion of the joints comes before that,
-    one of the robot after it, one ahead of the robot last. `acted` is the torque since the state
+    one of the robot after it, one ahead of the robot last. `memory` is that of
+    the momentum, `acted` is the torque since the state
     before [N m], and `comparable` whether there was one not long before.
     """
     here = estimate(robot, limits.margins, position, velocity, pose)

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 from assembly import simulate
 
-from parallel_robot_control.approach import BACK, GOES_ON, START, ApproachParameters, approached
+from parallel_robot_control.approach import (
+    BACK,
+    GOES_ON,
+    START,
+    ApproachParameters,
+    approach_memory,
+    approached,
+)
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_model.compiler import kernel, vector
 
 DT = 1e-3
@@ -22,7 +28,7 @@ def _approached(parameters, memory, begins, reference, position, velocity, dt):
 def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
     parameters, rows = ApproachParameters(duration, way_back, acceleration), []
-    memory = cycle_memory.made_for(vector(OFFSET))
+    memory = approach_memory(vector(OFFSET))
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):

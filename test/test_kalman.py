@@ -8,7 +8,7 @@ from scipy.linalg import expm
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation import cycle_memory, kalman
+from parallel_robot_control.estimation import kalman, recent_torques
 from parallel_robot_control.estimation.kalman import AT_REST, DRIFT, SMOOTH, Kalman
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
@@ -23,6 +23,7 @@ OFFSET, COULOMB = np.array([1.0, 0.7]), np.array([0.5, 0.4])
 M = np.array([[1.5, -0.3], [-0.3, 0.9]])
 Q = np.array([[0.2, -0.1], [0.4, 0.1]])
 GRAVITY = np.array([2.0, -1.0])
+ZERO = vector(np.zeros(N))
 
 
 @kernel
@@ -38,8 +39,8 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         found = kalman.predicted(
             filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        cycle_memory.remember(
-            filter_.memory, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
+        recent_torques.remember(
+            filter_.memory.torques, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
         )
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
@@ -104,7 +105,7 @@ def filter_of(velocities=True, command_delay=0.0, lag=0.0):
         vector(OFFSET**2),
         vector(COULOMB**2),
         0.0,
-        cycle_memory.made_for(vector(np.zeros(N))),
+        kalman.kalman_memory(ZERO, recent_torques.recent_torques(ZERO)),
     )
 
 

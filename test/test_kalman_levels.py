@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimation.cycle_memory import LEVELS
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import assemble, configure
 
@@ -22,8 +21,8 @@ def levels(truth, over):
     parts = assemble(configure(resolve('paper_circle', values)))
     motion = parts.trajectory.sample(np.arange(6001) * 1e-3)
     torques = run(parts.control, parts.plant, motion, 1e-3).command
-    memory = parts.control.setup.estimator.value.kalman.memory.floats
-    return torques, np.sqrt(memory[3 * LEVELS : 3 * LEVELS + 9].reshape(3, 3))
+    found = parts.control.setup.memory.kalman
+    return torques, np.sqrt([found.position, found.velocity, found.disturbance])
 
 
 @pytest.mark.parametrize('truth', [QUIET, LOUD])

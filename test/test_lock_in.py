@@ -18,7 +18,7 @@ from parallel_robot_control.estimation.lock_in import (
     result,
 )
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import Space, kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import Model
 
 T = 1e-3
@@ -124,9 +124,8 @@ def test_a_delay_of_part_of_a_period_is_that_of_the_closed_form():
     """Two masses under the sine alone; every ninth state is lost."""
     inertia, delay, count = np.diag([1.5, 0.7]), 2.4 * T, 700
     parameters = LockInParameters((2.0, 1.0), 50.0, 0.1, 0.5, 0.0)
-    locked = lock_in_of(parameters, True, T, 0.05)
-    locked = locked._replace(memory=Space(lock_in.ROWS * 2))
     torques, like = np.zeros((count, 2)), vector(np.zeros(2))
+    locked = lock_in_of(parameters, True, T, 0.05, lock_in.lock_in_memory(like))
     _added(locked, count, torques, like)
     assert np.abs(torques).max(axis=0) == pytest.approx([2.0, 1.0], rel=0.02)
     accelerations = np.linalg.solve(inertia, torques.T).T

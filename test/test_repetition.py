@@ -11,11 +11,11 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.repetition import (
     RepetitionParameters,
+    repetition_memory,
     repetition_of,
-    rows,
     weights_of,
 )
-from parallel_robot_model.compiler import Space, kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 
 T = 1e-3
 N = 3
@@ -30,7 +30,7 @@ LEARNING = {'repetition.gain': 0.5, 'repetition.wait': 0.5, **ONE_SECOND}
 
 def learner(turn, gain=0.5, lead=0.0, cutoff=50.0, wait=0.0, period=T):
     parameters = RepetitionParameters(gain, turn * period, lead, cutoff, wait)
-    memory = Space(rows(turn) * N)
+    memory = repetition_memory(N, turn)
     return repetition_of(parameters, turn, LAWS['computed_torque'], period, memory)
 
 

@@ -9,11 +9,10 @@ from rig import SAMPLES, Rig
 from parallel_robot_control import assembly as control
 from parallel_robot_control import configuration
 from parallel_robot_control.controller_state import taking_over
-from parallel_robot_control.estimation import cycle_memory
+from parallel_robot_control.cycle import cycle_memory
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import RAMP
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import vector
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import assemble, configure
@@ -112,7 +111,7 @@ def tour(names):
 def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     """Through the changes of the controller; the compiled loop has the same bits."""
     laws = [law for law in LAWS if law not in ON_ANOTHER_FILTER]
-    memory = cycle_memory.made_for(vector(np.zeros(3)))  # of the cycle: one for all laws
+    memory = cycle_memory(3)  # one for all laws
     controls = {name: control.assemble(CONFIGURATION.control, name, memory) for name in laws}
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)

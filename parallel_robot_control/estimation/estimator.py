@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
 from parallel_robot_control.contract import Law
-from parallel_robot_control.estimation import cycle_memory
 from parallel_robot_control.estimation.kalman import MOST, Kalman
 from parallel_robot_control.estimation.lock_in import (
     LockIn,
@@ -19,7 +18,7 @@ from parallel_robot_control.estimation.lock_in import (
 )
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import Space, clip, inner, kernel, multiply, select, vector
+from parallel_robot_model.compiler import clip, inner, kernel, multiply, select, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint, ZeroAngle
 from parallel_robot_model.robots.contract import Model
 
@@ -125,7 +124,7 @@ def estimator_of(
     identification: LockInParameters,
     law: Law,
     period: float,
-    memory: Space | None = None,
+    memory: Any,
 ) -> Estimator:
     """Make the estimator from its parameters.
 
@@ -134,7 +133,7 @@ def estimator_of(
         identification: How the delay is identified, if it is.
         law: The law that gets the estimates.
         period: Control period [s].
-        memory: Memory of the Kalman filter; None: a new one.
+        memory: The CycleMemory.
 
     Raises:
         InputError: states and commands together are later than can be predicted, or the delay
@@ -153,9 +152,7 @@ def estimator_of(
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
-    joints = len(parameters.acceleration)
-    memory = memory or cycle_memory.made_for(vector(np.zeros(joints)))
-    lock_in_setup = lock_in_of(identification, parameters.delay == IDENTIFY, period, MOST * period)
+    identifies = parameters.delay == IDENTIFY
 
     def variance(values: PerJoint) -> Array:
         return vector(np.square(values))
@@ -178,9 +175,9 @@ def estimator_of(
             variance(parameters.offset),
             variance(parameters.coulomb),
             levels_for(parameters, law),
-            memory,
+            memory.kalman,
         ),
-        lock_in_setup._replace(memory=cycle_memory.of_lock_in(memory, joints)),
+        lock_in_of(identification, identifies, period, MOST * period, memory.lock_in),
     )
 
 

@@ -6,31 +6,22 @@ cut where the torque changes: nothing need lie on a grid.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation import cycle_memory
-from parallel_robot_control.estimation.cycle_memory import (
-    LEVELS,
-    MEAN,
-    RUNNING,
-    SAMPLE,
-    SIZE,
-    VARIANCE,
-)
+from parallel_robot_control.estimation import recent_torques
+from parallel_robot_control.estimation.recent_torques import SIZE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
+    Struct,
     clip,
     inner,
     kernel,
     multiply,
-    read_at,
     select,
     solve,
-    vector,
-    write_at,
 )
 from parallel_robot_model.robots.contract import Model
 
@@ -70,7 +61,7 @@ class Kalman(NamedTuple):
     offset: Array  # of c before it is known [(N m)^2]
     coulomb: Array  # of f before it is known [(N m)^2]
     levels: float  # time over which the first three variances are found [s]; 0: they are as given
-    memory: int  # address of its memory
+    memory: Any  # its KalmanMemory, a Struct
 
 
 class Mean(NamedTuple):
@@ -232,15 +223,15 @@ def with_levels(kalman: Kalman) -> Kalman:
     """The filter with the levels that it found; as it is where it finds none."""
     if kalman.levels == 0.0:
         return kalman
-    like = kalman.position
+    memory = kalman.memory
     return Kalman(
         kalman.period,
         kalman.command_delay,
         kalman.lag,
         kalman.velocities,
-        read_at(kalman.memory, LEVELS, like),
-        read_at(kalman.memory, LEVELS + 1, like),
-        read_at(kalman.memory, LEVELS + 2, like),
+        memory.position,
+        memory.velocity,
+        memory.disturbance,
         kalman.bandwidth,
         kalman.offset,
         kalman.coulomb,
@@ -252,81 +243,58 @@ def with_levels(kalman: Kalman) -> Kalman:
 @inner
 def begin_levels(kalman: Kalman) -> None:
     """Begin at the given levels."""
-    write_at(kalman.memory, LEVELS, kalman.position)
-    write_at(kalman.memory, LEVELS + 1, kalman.velocity)
-    write_at(kalman.memory, LEVELS + 2, kalman.disturbance)
+    memory = kalman.memory
+    memory.position, memory.velocity = kalman.position, kalman.velocity
+    memory.disturbance = kalman.disturbance
 
 
 @inner
-def follow_level(kalman: Kalman, which: int, given: Array, square: Array, dt: float) -> None:
-    """Let a level follow a square.
+def next_level(kalman: Kalman, level: Array, given: Array, square: Array, dt: float) -> Array:
+    """A level that follows a square.
 
     Args:
         kalman: The filter.
-        which: 0 of the positions, 1 of the velocities, 2 of the disturbance.
+        level: As it is, shape (n,).
         given: The level at the beginning, shape (n,).
         square: What has the level for its mean, shape (n,).
         dt: Time since the state before [s].
     """
-    level = read_at(kalman.memory, LEVELS + which, given)
     share = select(dt < kalman.levels, dt / kalman.levels, 1.0)
     level = level + share * (square - level)
     level = select(level < given / RANGE, given / RANGE, level)
-    write_at(kalman.memory, LEVELS + which, select(level > given * RANGE, given * RANGE, level))
+    return select(level > given * RANGE, given * RANGE, level)
 
 
-# What the Kalman filter keeps from state to state, in the memory of the cycle.
+# What the Kalman filter keeps from state to state.
 
 MOST = 50  # samples, largest age from which is predicted
 AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
 MOVING = 1.0  # (rad/s)^2, of one that moves
-MEANS = 5
+
+
+class KalmanMemory(NamedTuple):
+    """What the filter remembers, as a Struct."""
+
+    mean: Mean
+    variance: Variance
+    position: Array  # levels that it found, see Kalman, shape (n,)
+    velocity: Array
+    disturbance: Array
+    torques: Any  # the RecentTorques, a Struct
+
+
+def kalman_memory(zero: Array, torques: Struct) -> Struct:
+    """Before the first state; `zero`: a vector, shape (n,)."""
+    mean, variance = Mean(*[zero] * 5), Variance(*[zero] * 15)
+    return Struct(KalmanMemory(mean, variance, zero, zero, zero, torques))
 
 
 @inner
 def running(kalman: Kalman, sample: int, known: bool) -> bool:
     """Whether the filter ran not long before a sample; `known`: whether there was one."""
-    since = sample - read_at(kalman.memory, SAMPLE, 0.0)
-    on = read_at(kalman.memory, RUNNING, 0.0) != 0.0
-    return known and on and since >= 0.0 and since <= SIZE - 2 * MOST
-
-
-@inner
-def known_velocity(kalman: Kalman, like: Array) -> Array:
-    """The last estimate of the velocity [rad/s], shape (n,)."""
-    return read_at(kalman.memory, MEAN + 1, like)
-
-
-@inner
-def forget(memory: int) -> None:
-    """Let the filter begin anew at the next state."""
-    write_at(memory, RUNNING, 0.0)
-
-
-@inner
-def write(kalman: Kalman, x: Mean, p: Variance) -> None:
-    """Keep what is known."""
-    mean = vector((x.position, x.velocity, x.disturbance, x.offset, x.coulomb))
-    write_at(kalman.memory, MEAN // MEANS, mean)
-    of_q = vector((p.qq, p.qv, p.qw, p.qc, p.qf))
-    of_v = vector((p.vv, p.vw, p.vc, p.vf, p.ww))
-    of_w = vector((p.wc, p.wf, p.cc, p.cf, p.ff))
-    for k, part in enumerate((of_q, of_v, of_w)):
-        write_at(kalman.memory, VARIANCE // MEANS + k, part)
-
-
-@inner
-def read(kalman: Kalman, like: Array) -> tuple[Mean, Variance]:
-    """What is known; `like` is any vector of shape (n,)."""
-    five = vector((like, like, like, like, like))
-    x = read_at(kalman.memory, MEAN // MEANS, five)
-    q = read_at(kalman.memory, VARIANCE // MEANS, five)
-    v = read_at(kalman.memory, VARIANCE // MEANS + 1, five)
-    w = read_at(kalman.memory, VARIANCE // MEANS + 2, five)
-    mean = Mean(x[0], x[1], x[2], x[3], x[4])
-    return mean, Variance(
-        q[0], q[1], q[2], q[3], q[4], v[0], v[1], v[2], v[3], v[4], w[0], w[1], w[2], w[3], w[4]
-    )
+    torques = kalman.memory.torques
+    since = sample - torques.newest
+    return known and torques.tracked and since >= 0 and since <= SIZE - 2 * MOST
 
 
 @inner
@@ -335,7 +303,7 @@ def begin(
 ) -> tuple[Mean, Variance]:
     """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
     z = np.zeros_like(position)
-    cycle_memory.fill(kalman.memory, torque)
+    recent_torques.fill(kalman.memory.torques, torque)
     v = z + select(moving, MOVING, AT_REST)
     q, w, c, f = (
         z + kalman.position,
@@ -385,12 +353,12 @@ def predicted(
             periods does not count.
         dt: Time since the state before was measured [s].
     """
-    given, finds = kalman, kalman.levels > 0.0
+    given, finds, memory = kalman, kalman.levels > 0.0, kalman.memory
     period, most = kalman.period, MOST * kalman.period
     late = select(late > most, most, late)
     # 1. From the state before to this one, under the torques that acted.
     if running(kalman, sample, moving):
-        x, p = read(kalman, position)
+        x, p = memory.mean, memory.variance
         kalman = with_levels(kalman)
         mobility = 1.0 / _diagonal(model.M, position)
         start = late + select(dt > most, most, dt)
@@ -400,7 +368,7 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = cycle_memory.acting_at(kalman.memory, sample - j, position)
+            torque = recent_torques.acting_at(memory.torques, sample - j)
             torque = torque - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
@@ -408,34 +376,38 @@ def predicted(
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
         miss = position - x.position
         if finds:
-            follow_level(kalman, 0, given.position, miss * miss - p.qq, dt)
+            square = miss * miss - p.qq
+            memory.position = next_level(kalman, memory.position, given.position, square, dt)
         x, p = corrected(x, p, of, miss, p.qq + kalman.position)
         if kalman.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
             miss = velocity - x.velocity
             if finds:
-                follow_level(kalman, 1, given.velocity, miss * miss - p.vv, dt)
+                square = miss * miss - p.vv
+                memory.velocity = next_level(kalman, memory.velocity, given.velocity, square, dt)
             x, p = corrected(x, p, of, miss, p.vv + kalman.velocity)
         if finds:
             square = x.disturbance * x.disturbance + p.ww
-            follow_level(kalman, 2, given.disturbance, square, dt)
+            memory.disturbance = next_level(
+                kalman, memory.disturbance, given.disturbance, square, dt
+            )
     else:
         rate = velocity if kalman.velocities else np.zeros_like(velocity)
         x, p = begin(kalman, moving, position, rate, before)
         begin_levels(kalman)
-    write(kalman, x, p)
+    memory.mean, memory.variance = x, p
     # 2. Over the age of this state, under the torques that were asked for since.
     j = _periods(late, period)
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = cycle_memory.acting_at(kalman.memory, sample - j, position) - missing
+        torque = recent_torques.acting_at(memory.torques, sample - j) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
     # 3. And over the lag of the motors, which delays what is asked for now by as much.
     s = sign(kalman, reference, -kalman.lag)
     if kalman.lag > 0.0:
-        torque = cycle_memory.acting_after(kalman.memory, position) - missing
+        torque = recent_torques.acting_after(memory.torques) - missing
         x = moved(kalman, model, x, s, torque, kalman.lag)
     unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)

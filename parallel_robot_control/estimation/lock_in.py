@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import every, inner, read_at, select, solve, vector, write_at
+from parallel_robot_model.compiler import Struct, every, inner, select, solve, vector
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Model
 
@@ -34,8 +34,6 @@ APART = 0.5  # periods by which a joint may tell another delay than all together
 GAP = 28  # samples; after more without a state it begins anew
 
 OFF, WAITING, UNDER_WAY, FOUND, KEPT = range(5)  # phases
-FIRST, END, LAST, WEIGHT = range(4)  # floats in the first rows: samples; sum of the weights
-Y_COS, Y_SIN, A_COS, A_SIN, AGE, SOUND, DELAY, OF_JOINTS, ROWS = range(4, 13)  # rows
 
 
 class LockIn(NamedTuple):
@@ -48,21 +46,42 @@ class LockIn(NamedTuple):
     start: int  # samples before it begins
     length: int  # samples that it lasts
     most: float  # largest delay that can be predicted [s]
-    memory: int  # address of its memory, ROWS vectors of shape (n,)
+    memory: Any  # its LockInMemory, a Struct
+
+
+class LockInMemory(NamedTuple):
+    """What is remembered of an identification, as a Struct."""
+
+    first: int  # the first sample
+    end: int  # the first sample after the end; 0 before it
+    last: int  # the newest sample
+    sound: bool  # whether nothing speaks against what is found
+    weight: float  # sum of the weights h
+    age: float  # of the states, weighted sum [s]
+    delay: float  # the delay, found or assumed [s]
+    y_cos: Array  # parts of Y and A of each joint, shape (n,)
+    y_sin: Array
+    a_cos: Array
+    a_sin: Array
+    of_joints: Array  # what each joint tells by itself [s], shape (n,)
+
+
+def lock_in_memory(zero: Array) -> Struct:
+    """Before the first state; `zero`: a vector, shape (n,)."""
+    return Struct(LockInMemory(0, 0, 0, False, 0.0, 0.0, 0.0, zero, zero, zero, zero, zero))
 
 
 @inner
-def delay_at(lock_in: LockIn, assumed: float, known: bool, like: Array) -> float:
+def delay_at(lock_in: LockIn, assumed: float, known: bool) -> float:
     """Age of a state that its stamp does not tell [s], as known before the state.
 
     Args:
         lock_in: The lock-in.
         assumed: The age without it.
         known: Whether there was a state before.
-        like: Any vector of shape (n,).
     """
-    if lock_in.on and known and read_at(lock_in.memory, END, 0.0) > 0.0:
-        return read_at(lock_in.memory, DELAY, like)[0]
+    if lock_in.on and known and lock_in.memory.end > 0:
+        return lock_in.memory.delay
     return assumed
 
 
@@ -77,25 +96,21 @@ def begin(lock_in: LockIn, sample: int, known: bool, failed: bool, like: Array) 
         failed: Whether the controller is in a fault.
         like: Any vector of shape (n,).
     """
-    missed = sample - read_at(lock_in.memory, LAST, 0.0) > GAP
-    broken = missed or failed
-    under_way = read_at(lock_in.memory, END, 0.0) == 0.0
-    if not known or (broken and under_way):
-        write_at(lock_in.memory, FIRST, float(sample))
-        write_at(lock_in.memory, END, 0.0)
-        write_at(lock_in.memory, WEIGHT, 0.0)
+    at = lock_in.memory
+    broken = sample - at.last > GAP or failed
+    if not known or (broken and at.end == 0):
+        at.first, at.end, at.sound = sample, 0, True
+        at.weight, at.age, at.delay = 0.0, 0.0, 0.0
         zero = np.zeros_like(like)
-        for row in range(Y_COS, ROWS):
-            write_at(lock_in.memory, row, zero)
-        write_at(lock_in.memory, SOUND, zero + 1.0)
-    write_at(lock_in.memory, LAST, float(sample))
+        at.y_cos, at.y_sin, at.a_cos, at.a_sin, at.of_joints = zero, zero, zero, zero, zero
+    at.last = sample
 
 
 @inner
 def place(lock_in: LockIn, sample: int) -> int:
     """How many samples it has lasted at a sample; negative before it begins and after its end."""
-    since = sample - int(read_at(lock_in.memory, FIRST, 0.0)) - lock_in.start
-    over = read_at(lock_in.memory, END, 0.0) > 0.0 or since >= lock_in.length
+    since = sample - lock_in.memory.first - lock_in.start
+    over = lock_in.memory.end > 0 or since >= lock_in.length
     return -1 if over else since
 
 
@@ -136,9 +151,9 @@ def observe(
         assumed: Delay without the lock-in [s].
         failed: Whether the controller is in a fault.
     """
-    at, zero = lock_in.memory, np.zeros_like(error)
-    if read_at(at, END, 0.0) == 0.0:
-        write_at(at, SOUND, select(failed, zero, read_at(at, SOUND, zero)))
+    at = lock_in.memory
+    if at.end == 0 and failed:
+        at.sound = False
     k = place(lock_in, sample)
     if k < 0:
         return
@@ -146,17 +161,15 @@ def observe(
     weight, angle = h * h, lock_in.frequency * lock_in.period * k
     cosine, sine = weight * math.cos(angle), -weight * math.sin(angle)
     pushed = solve(model.M, torque)
-    write_at(at, Y_COS, read_at(at, Y_COS, zero) + cosine * error)
-    write_at(at, Y_SIN, read_at(at, Y_SIN, zero) + sine * error)
-    write_at(at, A_COS, read_at(at, A_COS, zero) + cosine * pushed)
-    write_at(at, A_SIN, read_at(at, A_SIN, zero) + sine * pushed)
-    write_at(at, AGE, read_at(at, AGE, zero) + (zero + weight * age))
-    write_at(at, WEIGHT, read_at(at, WEIGHT, 0.0) + weight)
+    at.y_cos, at.y_sin = at.y_cos + cosine * error, at.y_sin + sine * error
+    at.a_cos, at.a_sin = at.a_cos + cosine * pushed, at.a_sin + sine * pushed
+    at.age += weight * age
+    at.weight += weight
     if k == lock_in.length - 1:
-        told = read_at(at, AGE, zero)[0] / read_at(at, WEIGHT, 0.0) + command_delay
+        told = at.age / at.weight + command_delay
         told += math.atan(lock_in.frequency * lag) / lock_in.frequency
-        _end(lock_in, told, assumed, zero)
-        write_at(at, END, float(sample + 1))
+        _end(lock_in, told, assumed)
+        at.end = sample + 1
 
 
 @inner
@@ -167,11 +180,10 @@ def _window(lock_in: LockIn, k: int) -> float:
 
 
 @inner
-def _end(lock_in: LockIn, told: float, assumed: float, zero: Array) -> None:
+def _end(lock_in: LockIn, told: float, assumed: float) -> None:
     """Find the delay, beside `told` [s], that stamps and `command_delay` tell already."""
     at, period = lock_in.memory, lock_in.period
-    y_cos, y_sin = read_at(at, Y_COS, zero), read_at(at, Y_SIN, zero)
-    a_cos, a_sin = read_at(at, A_COS, zero), read_at(at, A_SIN, zero)
+    y_cos, y_sin, a_cos, a_sin = at.y_cos, at.y_sin, at.a_cos, at.a_sin
     # 1. -Y conj(A) of each joint, and of all together.
     re = -(y_cos * a_cos + y_sin * a_sin)
     im = y_cos * a_sin - y_sin * a_cos
@@ -186,28 +198,27 @@ def _end(lock_in: LockIn, told: float, assumed: float, zero: Array) -> None:
     across, along = im * all_re - re * all_im, re * all_re + im * all_im
     apart = -np.arctan2(across, along) / lock_in.frequency
     inside = (delay >= -APART * period) & (delay + told <= lock_in.most)
-    sound = every((np.abs(apart) <= APART * period) & (read_at(at, SOUND, zero) > 0.0)) & inside
-    write_at(at, OF_JOINTS, apart + delay)
+    at.sound = at.sound and every(np.abs(apart) <= APART * period) and inside
+    at.of_joints = apart + delay
     delay = select(delay > 0.0, delay, 0.0)
     # 4. Whole periods are usual: if the difference may be chance, it is so many.
-    joints = len(zero)
+    joints = len(apart)
     error = np.sqrt(np.sum(apart * apart) / (joints * max(joints - 1, 1)))
     whole = period * np.floor(delay / period + 0.5)
     off = np.abs(delay - whole)
     near = (off <= NEAR[0] * period) | (off <= NEAR[1] * error)
     delay = select(near, whole, delay)
-    write_at(at, DELAY, zero + select(sound, delay, assumed))
-    write_at(at, SOUND, select(sound, zero + 1.0, zero))
+    at.delay = select(at.sound, delay, assumed)
 
 
 @inner
-def phase(lock_in: LockIn, sample: int, like: Array) -> int:
+def phase(lock_in: LockIn, sample: int) -> int:
     """What it is doing after a sample: OFF, WAITING, UNDER_WAY, FOUND or KEPT."""
     if not lock_in.on:
         return OFF
-    if read_at(lock_in.memory, END, 0.0) == 0.0:
+    if lock_in.memory.end == 0:
         return WAITING if place(lock_in, sample) < 0 else UNDER_WAY
-    return FOUND if read_at(lock_in.memory, SOUND, like)[0] > 0.0 else KEPT
+    return FOUND if lock_in.memory.sound else KEPT
 
 
 # Identification of the age of the states: its parameters, what refuses it, what it tells.
@@ -226,7 +237,7 @@ class LockInParameters(NamedTuple):
 
 
 def lock_in_of(
-    parameters: LockInParameters, on: bool, period: float, most: float, memory: int = 0
+    parameters: LockInParameters, on: bool, period: float, most: float, memory: Struct
 ) -> LockIn:
     """Make the lock-in from its parameters; `on`: whether it is to run; see :class:`LockIn`.
 
@@ -270,15 +281,12 @@ class Result(NamedTuple):
 
 
 def result(lock_in: LockIn) -> Result:
-    """What a lock-in has found whose memory is a Space."""
-    memory: Any = lock_in.memory
-    floats: Array = memory.floats
-    rows = floats.reshape(ROWS, -1)
-    phase = OFF
+    """What a lock-in has found."""
+    at, phase = lock_in.memory, OFF
     if lock_in.on:
-        phase = WAITING if floats[END] == 0.0 else FOUND if rows[SOUND, 0] > 0.0 else KEPT
-    end = int(floats[END] - floats[FIRST]) if floats[END] else 0
-    return Result(phase, float(rows[DELAY, 0]), rows[OF_JOINTS].copy(), end)
+        phase = WAITING if not at.end else FOUND if at.sound else KEPT
+    end = at.end - at.first if at.end else 0
+    return Result(phase, float(at.delay), np.asarray(at.of_joints), int(end))
 
 
 def phases(

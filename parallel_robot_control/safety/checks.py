@@ -6,24 +6,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.estimation import cycle_memory
-from parallel_robot_control.estimation.cycle_memory import LOST, SPELL
+from parallel_robot_control.estimation import recent_torques
 from parallel_robot_control.estimation.estimator import Observed, observed
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import ZERO, Last, Limits, safe_torque
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
+    Struct,
     clip,
     every,
     inner,
     kernel,
     largest,
     multiply,
-    read_at,
     select,
     solve,
     some,
-    write_at,
 )
 from parallel_robot_model.robots.contract import FOUND, Estimate, Model
 
@@ -40,9 +38,25 @@ JUMP = 2.0  # tolerances: a single way so much longer than its rate says is a ju
 LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
 
+class WaysMemory(NamedTuple):
+    """Ways and rates of the last hundredths of a second, as a Struct; each shape (n,) [rad]."""
+
+    in_doubt: bool  # whether they are apart at all; if not, what follows does not count
+    apart: Array  # ways less integrals of rates
+    by_position: Array  # ways
+    by_rate: Array  # integrals of the magnitudes of rates
+    still: Array  # integral of the rate since the position has not changed
+    unsaid: Array  # way since the rate has been zero
+
+
+def ways_memory(zero: Array) -> Struct:
+    """Before the first state; `zero`: a vector, shape (n,)."""
+    return Struct(WaysMemory(False, zero, zero, zero, zero, zero))
+
+
 @inner
 def inconsistent(
-    memory: int,
+    memory: Any,
     tolerance: float,
     position: Array,
     velocity: Array,
@@ -53,7 +67,7 @@ def inconsistent(
     """The fault of states whose positions and rates contradict each other, else NONE.
 
     Args:
-        memory: Address of the memory of the cycle.
+        memory: A WaysMemory, as a Struct.
         tolerance: Difference that does not count [rad].
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -61,38 +75,35 @@ def inconsistent(
         comparable: Whether there was a state not long before, and rates are measured.
         dt: Time since then [s].
     """
-    row, zero = cycle_memory.WAYS, np.zeros_like(position)
     went, told = position - before, dt * velocity
-    in_doubt = read_at(memory, row, position)  # 0 while nothing is apart
-    if comparable and in_doubt[0] == 0.0 and every(np.abs(went - told) <= ALIKE * tolerance):
+    fresh = not (comparable and memory.in_doubt)
+    if comparable and fresh and every(np.abs(went - told) <= ALIKE * tolerance):
         return faults.NONE
-    if not comparable or in_doubt[0] == 0.0:
-        for k in range(1, cycle_memory.OF_WAYS):
-            write_at(memory, row + k, zero)
-    write_at(memory, row, zero + select(comparable, 1.0, 0.0))
+    zero = np.zeros_like(position)
+    if fresh:
+        memory.apart, memory.by_position, memory.by_rate = zero, zero, zero
+        memory.still, memory.unsaid = zero, zero
+    memory.in_doubt = comparable
     if not comparable:
         return faults.NONE
     jumped = np.abs(went) > JUMP * tolerance + (1.0 + LAG) * np.abs(told)
     left, most = WINDOW / (WINDOW + dt), SHARE * tolerance
     went, told = clip(went, -most, most), clip(told, -most, most)
     told = select(told - told == 0.0, told, went)  # what is not finite is another fault
-    apart = left * (read_at(memory, row + 1, position) + went - told)
-    by_position = left * (read_at(memory, row + 2, position) + np.abs(went))
-    by_rate = left * (read_at(memory, row + 3, position) + np.abs(told))
-    still = select(went == 0.0, read_at(memory, row + 4, position) + told, zero)
-    unsaid = select(told == 0.0, read_at(memory, row + 5, position) + went, zero)
-    write_at(memory, row + 1, apart)
-    write_at(memory, row + 2, by_position)
-    write_at(memory, row + 3, by_rate)
-    write_at(memory, row + 4, still)
-    write_at(memory, row + 5, unsaid)
+    apart = left * (memory.apart + went - told)
+    by_position = left * (memory.by_position + np.abs(went))
+    by_rate = left * (memory.by_rate + np.abs(told))
+    still = select(went == 0.0, memory.still + told, zero)
+    unsaid = select(told == 0.0, memory.unsaid + went, zero)
+    memory.apart, memory.by_position, memory.by_rate = apart, by_position, by_rate
+    memory.still, memory.unsaid = still, unsaid
     wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
     wrong = wrong | (np.abs(unsaid) > tolerance)
     fault = select(some(wrong), faults.VELOCITIES_WRONG, faults.NONE)
     fault = select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
     fault = select(some(jumped), faults.POSITION_JUMP, fault)
     if every(np.abs(apart) + np.abs(still) + np.abs(unsaid) <= ALIKE * tolerance):
-        write_at(memory, row, zero)
+        memory.in_doubt = False
     return fault
 
 
@@ -105,8 +116,20 @@ def inconsistent(
 LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet
 TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
 PROOF = 2.0  # tolerances of an effort that proves, if it was commanded, that the motors obey
-OBEYED, MISSING, FORGETTING, UNPROVEN = 0.0, 1.0, 2.0, 3.0  # what the memory knows of them
+OBEYED, MISSING, FORGETTING, UNPROVEN = range(4)  # what the memory knows of them
 FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
+
+
+class ArrivalMemory(NamedTuple):
+    """What is remembered of the torques that arrived, as a Struct."""
+
+    spell: float  # for how long torque has been missing [s]
+    motors: int  # OBEYED, MISSING, FORGETTING or UNPROVEN
+
+
+def arrival_memory() -> Struct:
+    """Before the first state."""
+    return Struct(ArrivalMemory(0.0, OBEYED))
 
 
 class Arrival(NamedTuple):
@@ -121,7 +144,8 @@ class Arrival(NamedTuple):
 
 @inner
 def arrival(
-    memory: int,
+    memory: Any,
+    torques: Any,
     period: float,
     tolerance: Array,
     effort: Array,
@@ -134,7 +158,8 @@ def arrival(
     """Compare the effort that a state tells with the commands of the last samples.
 
     Args:
-        memory: Address of the memory of the cycle, which has the commands.
+        memory: An ArrivalMemory, as a Struct.
+        torques: The RecentTorques, as a Struct.
         period: Of the samples [s].
         tolerance: Difference that does not count [N m], shape (n,).
         effort: Torque of the period that ended at the measurement [N m], shape (n,); NaN where it
@@ -145,19 +170,18 @@ def arrival(
         comparable: Whether there was one not long before; if not, what acts is what is told.
         dt: Time since the state before [s].
     """
-    nothing, newest = np.zeros_like(effort), cycle_memory.newest(memory)
-    before = read_at(memory, LOST, 0.0)
+    nothing, newest, before = np.zeros_like(effort), torques.newest, memory.motors
     if not comparable or sample < newest:  # nothing was commanded lately
-        cycle_memory.fill(memory, select(effort - effort == 0.0, effort, nothing))
-        write_at(memory, SPELL, 0.0)
-        write_at(memory, LOST, select(known and before != UNPROVEN, OBEYED, UNPROVEN))
+        recent_torques.fill(torques, select(effort - effort == 0.0, effort, nothing))
+        memory.spell = 0.0
+        memory.motors = select(known and before != UNPROVEN, OBEYED, UNPROVEN)
         return Arrival(nothing, 0.0, False, False)
     # 1. The usual case: the last command acted.
     last = sample - 1
     if age > 0.0:
         last -= int(age / period + 0.5)
     last = select(last > newest, newest, last)
-    asked, spell = cycle_memory.torque_at(memory, last, effort), read_at(memory, SPELL, 0.0)
+    asked, spell = recent_torques.torque_at(torques, last), memory.spell
     apart = some(np.abs(asked - effort) > tolerance)
     if not apart and before == OBEYED:
         return Arrival(nothing, 0.0, False, False)
@@ -166,7 +190,7 @@ def arrival(
     if apart:
         low, high = asked, asked
         for k in range(last - select(unproven and spell > 0.0, SOON, LATELY), newest + 1):
-            torque = cycle_memory.torque_at(memory, k, effort)
+            torque = recent_torques.torque_at(torques, k)
             low, high = select(torque < low, torque, low), select(torque > high, torque, high)
         outside = np.abs(clip(effort, low, high) - effort) > tolerance
         missing = select(outside, asked - effort, nothing)
@@ -178,8 +202,7 @@ def arrival(
     spell = select(misses, spell + step, spell - FORGETS * step)
     spell = select(spell > 0.0, spell, 0.0)
     now = select(lost, MISSING, select(spell > 0.0, FORGETTING, OBEYED))
-    write_at(memory, SPELL, spell)
-    write_at(memory, LOST, select(waits, UNPROVEN, now))
+    memory.spell, memory.motors = spell, select(waits, UNPROVEN, now)
     again = not misses and spell >= TOLD and (unproven or before == MISSING)
     return Arrival(missing, select(misses, spell, 0.0), again or (waits and lost), waits)
 
@@ -194,13 +217,26 @@ SHARE_OF_EFFECT = (
     0.25  # of the damping of the safe action, times the speed: friction that does not count
 )
 LASTS = 0.1  # s, for which the residual must be at the limit; twice of it half as long
-RECENT_SAMPLES = 32.0  # samples after which it begins anew
+RECENT_SAMPLES = 32  # samples after which it begins anew
 LOOKED_AT = 0.5  # of the limit: a torque from which on the residual is looked at
+
+
+class MomentumMemory(NamedTuple):
+    """What is remembered of the momentum, as a Struct."""
+
+    sample: int  # at which it looked
+    observed: Observed
+    lasted: float  # for how long the residual was at the limit [s]
+
+
+def momentum_memory(zero: Array) -> Struct:
+    """Before the first state; `zero`: a vector, shape (n,)."""
+    return Struct(MomentumMemory(0, Observed(zero, zero, zero), 0.0))
 
 
 @inner
 def is_resisted(
-    memory: int,
+    memory: Any,
     sample: int,
     limit: Array,
     damping: Array,
@@ -213,7 +249,7 @@ def is_resisted(
     """Whether much more than friction has acted against the torque: the more, the shorter.
 
     Args:
-        memory: Address of the memory of the cycle.
+        memory: A MomentumMemory, as a Struct.
         sample: Index of the sample from which on the next torque acts.
         limit: Residual that does not count [N m], shape (n,).
         damping: Damping of the safe action [N m s/rad], shape (n,).
@@ -223,26 +259,16 @@ def is_resisted(
         comparable: Whether there was a state not long before.
         dt: Time since then [s].
     """
-    row = cycle_memory.MOMENTUM
-    since = sample - read_at(memory, row, velocity)[0]  # samples since it looked
-    follows = comparable and since >= 0.0 and since <= RECENT_SAMPLES
+    since = sample - memory.sample
+    follows = comparable and since >= 0 and since <= RECENT_SAMPLES
     if not model.M[0, 0] > 0.0:
         return False
-    before = Observed(
-        read_at(memory, row + 1, velocity),
-        read_at(memory, row + 2, velocity),
-        read_at(memory, row + 3, velocity),
-    )
-    now = observed(BANDWIDTH, before, follows, model, velocity, torque, dt)
-    write_at(memory, row + 1, now.momentum)
-    write_at(memory, row + 2, now.drift)
-    write_at(memory, row + 3, now.residual)
+    now = observed(BANDWIDTH, memory.observed, follows, model, velocity, torque, dt)
+    memory.observed = now
     level = np.abs(now.residual) - SHARE_OF_EFFECT * damping * np.abs(velocity)
     times = largest(select(level > 0.0, level, np.zeros_like(level)) / limit)
-    lasted = read_at(memory, row + 4, velocity)[0]
-    lasts = select(times > 1.0 and follows, lasted + times * dt, 0.0)
-    write_at(memory, row, np.zeros_like(velocity) + float(sample))
-    write_at(memory, row + 4, np.zeros_like(velocity) + lasts)
+    lasts = select(times > 1.0 and follows, memory.lasted + times * dt, 0.0)
+    memory.sample, memory.lasted = sample, lasts
     return lasts > LASTS
 
 

@@ -69,18 +69,17 @@ class Past(NamedTuple):
     """Copies of the memories of a law and of the cycle."""
 
     law: Any
-    filter_: np.ndarray
+    cycle: Any
 
     def restore(self, control: Control) -> None:
         """Let a controller remember this."""
         control.law.memory.current = self.law
-        control.setup.estimator.kalman.memory.floats[:] = self.filter_
+        control.setup.memory.restore(self.cycle)
 
 
 def past_of(control: Control) -> Past:
     """What a controller remembers."""
-    floats = control.setup.estimator.kalman.memory.floats
-    return Past(control.law.memory.current, floats.copy())
+    return Past(control.law.memory.current, control.setup.memory.copy())
 
 
 class Moment(NamedTuple):
@@ -89,7 +88,7 @@ class Moment(NamedTuple):
     configuration: ControlConfiguration
     control: Control  # law, robot and limits
     state: CycleState  # state of its cycle
-    past: Past  # memory of the law and of the Kalman filter, which the cycle changes
+    past: Past  # memory of the law and of the cycle, which the cycle changes
 
     def moved(self, batch: Batch) -> Moment:
         """After a batch that :meth:`RecordedController.answer` has just answered."""
@@ -310,7 +309,7 @@ def after(moment: Moment, event: Event) -> Moment:
     if event.values:
         past.restore(control)
         before, configuration = control.law, changed(configuration, event.values)
-        control = assemble(configuration, memory=control.setup.estimator.kalman.memory)
+        control = assemble(configuration, memory=control.setup.memory)
         state = switched(state, before, control.law)
         past = past_of(control)
     if len(event.pose) == len(configuration.guess):
