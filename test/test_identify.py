@@ -305,6 +305,24 @@ def test_efforts_that_are_no_torques_are_refused(bags, tmp_path, capsys, change,
     assert not (tmp_path / 'robot.yaml').exists()
 
 
+@pytest.mark.parametrize('lacking', ['velocity', 'effort'])
+def test_joint_states_alone_need_no_velocities_but_efforts(bags, tmp_path, capsys, lacking):
+    [file] = bags[0].glob('*.mcap')
+    states = []
+    for stamp, data in content(file)[JOINT_STATES.name]:
+        message = STORE.deserialize_cdr(data, JOINT_STATES.type)
+        setattr(message, lacking, np.zeros(0))
+        states.append((stamp, bytes(STORE.serialize_cdr(message, JOINT_STATES.type))))
+    write_foreign(tmp_path / 'bag', {JOINT_STATES: states})
+    capsys.readouterr()
+    code = run('identify', tmp_path / 'bag', '--scenario', 'excitation')
+    error = capsys.readouterr().err
+    if lacking == 'velocity':
+        assert code == 0 and 'have no velocities' in error
+    else:
+        assert code == 2 and 'torques are needed: joint states have no efforts' in error
+
+
 def test_torques_that_are_a_tenth_of_those_of_the_robot_are_doubted(bags, tmp_path, capsys):
     bag = altered(bags[0], tmp_path / 'bag', lambda e: 0.1 * e, (JOINT_STATES,))
     capsys.readouterr()

@@ -155,3 +155,26 @@ def test_a_motion_is_designed_for_a_machine(tmp_path, capsys):
     assert float(now.split()[1]) >= float(before.split()[1]) > 0.0
     changes = config.flat(yaml.safe_load(out.read_text()))
     assert len(changes['excitation.sine']) == 10
+
+
+PENDULUM = """<robot name="pendulum"><link name="base"/><link name="rod"><inertial>
+<origin xyz="0 0 -0.5"/><mass value="1"/><inertia ixx="0.02" iyy="0.02" izz="0.02" ixy="0"
+ixz="0" iyz="0"/></inertial></link><joint name="swing" type="revolute"><parent link="base"/>
+<child link="rod"/><axis xyz="0 1 0"/><limit lower="-6" upper="6" effort="0" velocity="9"/>
+</joint></robot>"""
+
+
+def test_a_limit_that_the_file_does_not_have_saturates_no_motor(tmp_path, capsys):
+    """It is assumed to be 5.4 N m by default."""
+    time = np.arange(0.0, 20.0, 0.01)
+    angle = 2.0 * np.sin(2.0 * time) + 0.5 * np.sin(7.0 * time)
+    bend = -8.0 * np.sin(2.0 * time) - 24.5 * np.sin(7.0 * time)
+    table, robot = tmp_path / 'log.csv', tmp_path / 'pendulum.urdf'
+    torque = 3.0 * (0.27 * bend + 9.81 * 0.5 * np.sin(angle))
+    columns = np.column_stack([time, angle, torque])
+    np.savetxt(table, columns, delimiter=',', header='t [s],q1 [rad],tau1 [N m]', comments='')
+    robot.write_text(PENDULUM)
+    assert run('identify', table, '--scenario', robot) == 0
+    assert 'saturated' not in capsys.readouterr().err
+    assert run('identify', table, '--scenario', robot, '--set', 'plant.torque_limit=5') == 2
+    assert 'saturated' in capsys.readouterr().err

@@ -132,6 +132,47 @@ def test_a_joint_whose_torques_are_others_is_named(told, columns):
     assert re.search(r'left \(\d+ % of elbow, less than 50 % of the others\), ', error)
 
 
+@pytest.mark.parametrize(
+    ('change', 'message'),
+    [
+        (lambda q, tau: (np.degrees(q), tau), r'; a joint reaches .* turns: .*; degrees\?$'),
+        (lambda q, tau: (q, 1e-310 * tau), 'effort of shoulder, elbow is zero in every'),
+        (lambda q, tau: (q, np.full_like(tau, 0.5)), 'effort of shoulder, elbow is one number in'),
+        (
+            lambda q, tau: (q, 1e5 * np.where(tau > 0.0, 1, -1)),
+            'none of it can be used: .*saturated .*N m\\?',
+        ),
+        (
+            lambda q, tau: (np.repeat(q[::10], 10, axis=0)[: len(q)], tau),
+            r'; positions change in \d+ of \d+ states: were they measured less often',
+        ),
+    ],
+    ids=['degrees', 'denormal', 'stuck', 'mA', 'stairs'],
+)
+def test_what_logs_of_others_hold_is_named(told, columns, change, message):
+    time, position, effort = columns
+    code, error, _ = told(HEADER, [time, *change(position, effort)])
+    assert code == 2 and error.count('\n') == 1 and re.search(message, error), error
+
+
+def test_angles_that_leap_by_a_turn_are_those_that_go_on(told, columns):
+    time, position, effort = columns
+    middle = position.mean(axis=0)
+    _, _, own = told(HEADER, columns)
+    wrapped = (position - middle) % (2.0 * np.pi) + middle
+    code, error, found = told(HEADER, [time, wrapped, effort])
+    assert code == 0 and 'joints leap by a whole turn: leaps are taken out' in error
+    assert estimates(found) == pytest.approx(estimates(own), rel=1e-6)
+
+
+def test_currents_are_told_by_the_joint_that_friction_does_not_rule(told, columns):
+    time, position, effort = columns
+    rubbing = 300.0 * np.sign(np.gradient(position[:, 1]))
+    effort = 0.1 * np.column_stack([effort[:, 0], effort[:, 1] + rubbing])
+    _, error, _ = told(HEADER, [time, position, effort], '--set', 'plant.torque_limit=1000')
+    assert 'of those of the robot of the configuration: are the efforts in N m, and no' in error
+
+
 def test_stamps_of_their_own_and_empty_cells(told, columns):
     """Of rows at irregular times, some without a number."""
     time, position, effort = (each.copy() for each in columns)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 NANOSECONDS = 1_000_000_000  # in one second
 TURN = 2.0 * math.pi  # rad, an angle beyond which may be in degrees
+DEGREES = 'degrees?'  # of which it is a doubt
 OF_JOINTS = 'unit of the joints'  # key of diagnostics, where it is not rad
 
 LINEAR = (  # how units of a slide follow from those of a hinge
@@ -106,7 +107,7 @@ def beyond_a_turn(position: Any, units: JointUnits) -> str:
     """
     slides = np.array(units.slides or (False,) * position.shape[1])
     far = float(np.abs(position[:, ~slides]).max(initial=0.0))
-    turns = f'{far:.4g} rad, {far / TURN:.3g} turns: joint_states are in radians; degrees?'
+    turns = f'{far:.4g} rad, {far / TURN:.3g} turns: joint_states are in radians; {DEGREES}'
     return turns if far > TURN else ''
 
 

@@ -69,8 +69,10 @@ class RunWindows:
         return recording.chunks(self._bag, SECONDS, motion_only=True, view=self._view)
 
     def _alike(self, windows: Iterator[Recording]) -> Iterator[RunLog]:
+        kind = None
         for window in windows:
-            if self._whole is None and window.log.kind != self.log.kind:
+            kind = kind or window.log.kind
+            if self._whole is None and window.log.kind != kind:
                 raise WholeNeededError('the parts of the bag do not hold the same')
             yield window.log
 

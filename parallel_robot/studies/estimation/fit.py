@@ -9,7 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from parallel_robot_model.common.errors import BagError, KinematicsError, RobotError
+from parallel_robot_model.common.errors import (
+    BagError,
+    KinematicsError,
+    RobotError,
+    WholeNeededError,
+)
 from parallel_robot_model.common.units import Array
 
 
@@ -47,6 +52,8 @@ def named_errors(unsolvable: str, bag: Path, doubt: str = '') -> Iterator[None]:
     """
     try:
         yield
+    except WholeNeededError:  # is read again, as a whole
+        raise
     except (BagError, KinematicsError, RobotError) as error:
         raise BagError(f'{bag}: {error}{"; " if doubt else ""}{doubt}') from None
     except np.linalg.LinAlgError as error:

@@ -33,10 +33,14 @@ from parallel_robot.studies.identification.torque_constants import TorqueConstan
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.tables import Part
+from parallel_robot_model.common.units import DEGREES
 from parallel_robot_model.configuration.fields import group, known
 from parallel_robot_model.processes.blas_threads import one_blas_thread
+from parallel_robot_model.robots.described.robot import DescribedRobot
+from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.plant import PlantParameters
 
+LIMIT = 'plant.torque_limit'
 HOLD_OUT = 1.0 / 3.0  # of the time, at the end
 MOST_HELD_OUT = 0.9
 
@@ -180,7 +184,7 @@ def identify(
         identified.check_same_robot(first.log, second.log)
         warnings += second.warnings
     warnings += first.warnings
-    unsure = first.log.joints_differ.text or _untold(first.log)
+    unsure = first.log.joints_differ.text or first.doubt
     with _naming(bag, unsure):
         found = identified.identify(nominal, first.motion, cutoff, bounds, hold_out)
     if hold_out and not found.held_out:
@@ -193,7 +197,7 @@ def identify(
         with _naming(validate):
             guess = identified.nominal_of(second.log).guess
             checked = identified.predict(found, second.motion, guess, cutoff)
-    with _naming(validate or bag, _untold(first.log)):
+    with _naming(validate or bag, first.doubt):
         unseen = checked if second else found.held_out or checked
         doubt = identified.judge(found, unseen, first.log.joints)
     warnings += [f'{validate or bag}: {doubt}'] if doubt else []
@@ -235,25 +239,34 @@ class _LookedThrough(NamedTuple):
     rest: Rest | None
     lag: MotorLag | None
     warnings: list[str]
+    doubt: str  # what may be why it cannot be used, empty if nothing
 
 
 def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
     """Look through a bag once."""
     if view.torque_constant and not joint_table.is_table(bag):
-        raise InputError(f'--torque-constant is for currents in a table, not for the bag {bag}')
+        what = f'--torque-constant is for currents in a table, not for the bag {bag}'
+        raise InputError(
+            f'{what}: export it, and call its efforts i1 [A], i2 [A] ... in the header'
+        )
     run = RunWindows(bag, view)
     if joint_table.is_table(bag) and not run.log.has_efforts:
         raise BagError(f'{bag}: {joint_table.NO_TORQUES}')
     config = run.log.config
     limit = np.array(group(config, PlantParameters, 'plant').torque_limit)
+    robot = robot_of(config)
+    if run.log.foreign and isinstance(robot.module, DescribedRobot) and LIMIT not in view.values:
+        made = robot.module.machine(robot.parameters)
+        limit[~np.isfinite(np.subtract(made.effort, made.least_effort))] = np.inf  # is a guess
 
     def look(windows: Iterator[RunLog]) -> _LookedThrough:
         told, still, stretch = AlikeLines(), Resting(run.period), LongestStretch(run.period)
-        velocities = False
+        velocities = measured = False
 
         def seen() -> Iterator[RunLog]:
-            nonlocal velocities
+            nonlocal velocities, measured
             for log in windows:
+                measured |= log.has_efforts or bool(len(log.command))
                 velocities |= bool(len(log.velocity)) and log.has_velocities
                 told.take(bag, log)
                 if log.efforts_differ.grave:
@@ -261,6 +274,8 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
                 still.add(log)
                 stretch.add(log)
                 yield log
+            if not measured:
+                raise BagError('torques are needed: joint states have no efforts, or not all')
 
         with _naming(bag, _untold(run.log)):
             motion = RunMotion(seen(), run.period, run.history.statuses, limit, known(config))
@@ -270,7 +285,9 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
         ]
         if velocities and joint_table.is_table(bag):
             warnings.append(f'{bag}: not used: velocities, but for the noise at rest')
-        return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings)
+        warnings += [f'{bag}: {line}' for line in motion.doubts]
+        doubt = '; '.join([*motion.doubts, *filter(None, [_untold(run.log)])])
+        return _LookedThrough(run.log, motion, still.rest(), stretch.lag(), warnings, doubt)
 
     return run.evaluated(look)
 
@@ -320,8 +337,11 @@ def bounds_of(words: Sequence[str]) -> dict[str, tuple[float, float]]:
 
 
 def _untold(log: RunLog) -> str:
-    """Which units a table does not tell, in words; empty where it tells all, and of a bag."""
-    lines = (line.partition(': ')[2] for line in log.warnings if joint_table.UNTOLD in line)
+    """Which units are not told, or doubted, in words; empty if none."""
+    found = (joint_table.UNTOLD, DEGREES)
+    lines = (
+        line.partition(': ')[2] for line in log.warnings if any(each in line for each in found)
+    )
     return next(lines, '')
 
 

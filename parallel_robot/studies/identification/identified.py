@@ -324,11 +324,12 @@ def _likely_cause(found: Identified, joints: Sequence[str]) -> str:
     wrong = [name for name, k in zip(joints, own, strict=True) if alike[k] and factors[k] < 0.0]
     if wrong:
         return f'those of {", ".join(wrong)} have the sign of the opposite torque: a wrong sign?'
-    factor = float(np.median(factors))
-    if alike.all() and not 1.0 / FAR < factor < FAR:
+    told = factors[alike]
+    if told.size and ((told >= FAR).all() or (told <= 1.0 / FAR).all()):
+        factor = float(np.median(told))
         unit = found.nominal.robot.joint_units.of('N m')
         what = f'the torques are {factor:.2g} of those of the robot of the configuration'
-        return f'{what}: are the efforts in {unit}?'
+        return f'{what}: are the efforts in {unit}, and no currents?'
     return ''
 
 

@@ -16,13 +16,15 @@ from parallel_robot.bags.messages.message_arrays import FIRST
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import BagError
-from parallel_robot_model.common.units import HINGES, Array, JointUnits
+from parallel_robot_model.common.units import HINGES, TURN, Array, JointUnits
 
 GAP = 5.5  # periods without a state, beyond which the motion between them is not known
 LONGEST = 100_000  # samples of a stretch, which bounds the memory
 SATURATED = 1.0 - 1e-6  # of the limit of the motors
 SATURATION = 'motors saturated'
 STILL = 2e-3  # rad/s, rms of a joint that stands still
+NOTHING = 1e-9  # N m, by which torques that are one differ
+WRAPPED = 0.75 * TURN  # rad, a step that is one of a whole turn
 SPAN = 0.1  # s over which its rate is taken, so that noise does not count as motion
 
 
@@ -90,16 +92,18 @@ class RunMotion:
             zero: Zero angles, which are taken off the positions [rad], shape (n,).
 
         Raises:
-            BagError: no torque was recorded, or the robot did not move.
+            BagError: no torque was recorded, none can be used, or the robot did not move.
             InputError: there is no room to keep it.
         """
         # as of :class:`MeasuredMotion`, like the others
         self.period, self._kept = period, KeptParts('the motion')
         self._statuses, self._limit, self._zero = statuses, torque_limit, zero
-        states, self.count, self.duration = 0, 0, 0.0
+        states, self.count, self.duration, self._wrapped = 0, 0, 0.0, False
         bad = {'after a fault': 0, SATURATION: 0}
-        moving, most = np.zeros(len(torque_limit), bool), np.zeros(len(torque_limit))
+        most, level = np.zeros(len(torque_limit)), np.zeros((0, len(torque_limit)))
+        varies = np.zeros(len(torque_limit), bool)
         speed, begin, last = _Speed(period), None, np.inf
+        changes = again = 0
         gaps: list[float] = []
         joints: tuple[str, ...] = ()
         units: JointUnits = HINGES
@@ -119,19 +123,27 @@ class RunMotion:
             states, self.count = states + len(motion.time), self.count + motion.count
             bad['after a fault'] += int(faulted.sum())
             bad[SATURATION] += int((~motion.usable & ~faulted).sum())
-            moving |= motion.effort.any(axis=0)
+            level = level if len(level) else motion.effort[:1]
+            varies |= (np.abs(motion.effort - level) > NOTHING).any(axis=0)
+            changed = (np.diff(motion.position, axis=0) != 0.0).any(axis=1)
+            changes += int(changed.sum())
+            again += int((changed[1:] & changed[:-1]).sum())
             most = np.maximum(most, np.abs(motion.effort).max(axis=0))
             speed.add(motion)
             self._kept.add(motion.time, motion.position, motion.effort, motion.usable)
-        silent = [joint for joint, moves in zip(joints, moving, strict=True) if not moves]
-        if silent:
-            raise BagError(f'the effort of {", ".join(silent)} is zero in every joint state')
         if states < 2:
             raise BagError('it holds a single joint state')
         self.speed = speed.rms()
+        none = (np.abs(level[0]) <= NOTHING) & ~varies
+        stuck = none | (~varies & (self.speed >= STILL))
+        if stuck.any():
+            silent = ', '.join(joint for joint, one in zip(joints, stuck, strict=True) if one)
+            what = 'zero' if none[stuck].all() else 'one number'
+            raise BagError(f'the effort of {silent} is {what} in every joint state')
         if (self.speed < STILL).all():
             still = f'{STILL:g} {units.of("rad/s")}'
-            raise BagError(f'the robot stood still: no joint reached {still} (rms)')
+            where = f'{states} states in {self.duration:.4g} s'
+            raise BagError(f'the robot stood still: no joint reached {still} (rms); {where}')
         beyond = ''
         if (most > 1.01 * torque_limit).any():
             k = int(np.argmax(most / torque_limit))
@@ -146,6 +158,14 @@ class RunMotion:
         if gaps:
             many = f'{len(gaps)} gaps' if len(gaps) > 1 else 'a gap'
             self.left_out += (f'{sum(gaps):.3g} s: {many} between states',)
+        if not self.count:
+            raise BagError(f'none of it can be used: {"; ".join(self.left_out)}')
+        self.doubts = []
+        if self._wrapped:
+            self.doubts.append('joints leap by a whole turn: leaps are taken out')
+        if 2 * again < changes:
+            what = f'positions change in {changes} of {states} states'
+            self.doubts.append(f'{what}: were they measured less often than they are told?')
 
     def windows(self) -> Iterator[MeasuredMotion]:
         """Parts that follow each other, from the first one on each time."""
@@ -154,7 +174,7 @@ class RunMotion:
 
     def _parts(self, logs: Iterator[RunLog]) -> Iterator[tuple[MeasuredMotion, NDArray[np.bool_]]]:
         """Motion in each window, and which of its states were in a fault."""
-        newest = FIRST
+        newest, before = FIRST, np.zeros((0, len(self._limit)))
         for log in logs:
             stamps = log.stamps
             newest_before = np.maximum.accumulate(np.append(newest, stamps))
@@ -166,9 +186,19 @@ class RunMotion:
             effort = log.effort[chosen]
             faulted = _faulted(stamps[chosen], self._statuses)
             saturated = (np.abs(effort) >= SATURATED * self._limit).any(axis=1)
-            position = np.asarray(log.position[chosen] - self._zero)
+            both = np.vstack([before, log.position[chosen] - self._zero])
+            position = self._unwrapped(both, log.units)[len(before) :]
+            before = position[-1:]
             usable = ~(faulted | saturated)
             yield MeasuredMotion(log.time[chosen], position, effort, usable), faulted
+
+    def _unwrapped(self, position: Array, units: JointUnits) -> Array:
+        """Positions whose hinges do not leap by a whole turn."""
+        hinges = ~np.array(units.slides or (False,) * position.shape[1])
+        if not (hinges & (np.abs(np.diff(position, axis=0)) > WRAPPED)).any():
+            return position
+        self._wrapped = True
+        return np.where(hinges, np.unwrap(position, WRAPPED, axis=0), position)
 
 
 @dataclass(frozen=True)

@@ -173,10 +173,14 @@ def rows(
         found = joined(pieces)
         yield found
         duration, known = duration + found.duration, known + int(found.known.sum())
-    if known < FEWEST * (len(base.inertias) + ALWAYS * base.joints):
+    needed = FEWEST * (len(base.inertias) + ALWAYS * base.joints)
+    if known < needed:
         why = ''.join(f'; {line}' for line in motion.left_out)
-        told = f'{duration:.3g} s of {motion.duration:.3g} s'
-        raise BagError(f'too little motion to identify a robot: {told}{why}')
+        told = f'{duration:.3g} s of {motion.duration:.3g} s{why}'
+        rows = f'{known} torques of joints that move, {needed} are needed'
+        raise BagError(
+            f'too little motion to identify a robot: {told}; {rows} (--cutoff {cutoff:.3g})'
+        )
 
 
 def joined(parts: Sequence[Rows]) -> Rows:
