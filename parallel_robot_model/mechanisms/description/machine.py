@@ -313,7 +313,8 @@ def machine(
         raise InputError(f'{description.source}: no joint is actuated, of {listed(names)}')
     stopped = _indices(names, held, description)
     if both := sorted({*driven} & {*stopped}):
-        raise InputError(f'held: {printable(names[both[0]])} is actuated')
+        what = f'held: {printable(names[both[0]])} is actuated'
+        raise InputError(f'{what}; robot.actuated names those that are')
 
     start = assembled(description, tree, at)
     closed = on_grid(close(start, driven, stopped), start.home)
