@@ -74,6 +74,25 @@ def tracker(file, header, table):
     return file
 
 
+def test_a_header_may_tell_the_units_that_count(case, whole, tmp_path):
+    told = tracker(tmp_path / 'told.csv', 't [s],x [m],y [m],phi [rad]', case.table)
+    found = pr.calibrate(case.bag, poses=told).found.values
+    assert found.tolist() == whole.found.values.tolist()
+    other = tracker(tmp_path / 'other.csv', 't [s],x [mm],y [mm],phi [rad]', case.table)
+    with pytest.raises(InputError, match=r'then some of x, y, phi in m and rad, not .*x \[mm\]'):
+        pr.calibrate(case.bag, poses=other)
+
+
+def test_joints_that_stand_are_told_from_lengths_in_mm(case, tmp_path):
+    joints, poses = tmp_path / 'joints.csv', tmp_path / 'poses.csv'
+    stand = np.column_stack([case.table[:, 0], np.full((len(case.table), 2), 0.5)])
+    header = 't [s],q1 [rad],q2 [rad]'
+    np.savetxt(joints, stand, delimiter=',', header=header, comments='')
+    tracker(poses, 't,x,y', case.table[:, :3])
+    with pytest.raises(BagError, match='the joints stand at one place at all poses'):
+        pr.calibrate(joints, scenario='serial_2r_circle', poses=poses)
+
+
 def test_the_true_robot_is_found_and_its_file_makes_a_loop_right(case, tmp_path, capsys):
     out, figure = tmp_path / 'robot.yaml', tmp_path / 'calibrated.png'
     words = ('calibrate', case.bag, '--poses', case.poses, '--out', out, '--figure', figure)

@@ -58,6 +58,7 @@ from parallel_robot_model.robots.registry import RobotModel, is_known
 GAP = 0.02  # s between two states, beyond which nobody knows the joints in between
 MOST = 20_000  # poses that are used
 MOST_LEFT = 0.2  # of what was left before: more is no result, if it is also MOST_OF_NOISE
+STILL = 1e-3  # rad or m, between the least and the greatest place of joints that stand
 AT_REST = 10  # pairs of poses that tell the noise of their tracker
 NAMED = 5  # outliers that a warning lists
 
@@ -116,6 +117,8 @@ def calibrate(
     with _naming(bag):
         track, nominal = near.track()
         rows = np.minimum(np.searchsorted(track.time, measured.time), len(nominal) - 1)
+        if (np.ptp(track.position, axis=0) < STILL).all():
+            raise BagError('the joints stand at one place at all poses')
         robot, _ = nominal_of(log.config)
         zero = known(log.config)
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)

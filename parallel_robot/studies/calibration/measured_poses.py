@@ -33,6 +33,7 @@ AT_ONCE = 1 << 16  # numbers that are kept at once
 SHOWN_OF_LINE = 200  # characters of a line that are shown
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 LENGTH = 0.01  # by which that of a quaternion may differ from 1
+UNITS = {TIME: ('[s]',), STAMP: ('[ns]',)}  # that a header may tell; of coordinates m and rad
 MISSING = ('', 'nan')  # what stands where a tracker saw nothing
 
 
@@ -62,7 +63,7 @@ def read_file(
     try:
         with path.open(encoding='utf-8-sig', newline='') as stream:
             lines = csv.reader(stream)
-            header = [name.strip() for name in next(lines, [])]
+            header = [_bare(name.strip()) for name in next(lines, [])]
             named = [*coordinates, *(QUATERNION if home else ())]
             time, columns = _columns(path, header, named)
             _check_rotation(path, columns)
@@ -112,15 +113,24 @@ def _table(rows: array[float], width: int) -> tuple[Array, Array]:
     return table[:, 0], table[:, 1:]
 
 
+def _bare(name: str) -> str:
+    """A name without its unit, if that is the one in which it counts."""
+    bare, _, unit = name.rpartition(' ')
+    return bare if unit in UNITS.get(bare, ('[m]', '[rad]')) else name
+
+
 def _columns(
     path: Path, header: Sequence[str], coordinates: Sequence[str]
 ) -> tuple[str, list[str]]:
     """Name of the column of times, and those of the coordinates that are there."""
     times = [name for name in (TIME, STAMP) if name in header]
     known = [name for name in coordinates if name in header]
-    if len(times) != 1 or not known or any(header.count(name) > 1 for name in [*times, *known]):
+    twice = any(header.count(name) > 1 for name in [*times, *known])
+    parts = [name.partition(' [') for name in header]
+    other = any(mark and name in (TIME, STAMP, *coordinates) for name, mark, _ in parts)
+    if len(times) != 1 or not known or twice or other:
         shown = printable(', '.join(header), SHOWN_OF_LINE)
-        what = f'{TIME} [s] or {STAMP} [ns], then some of {", ".join(coordinates)}'
+        what = f'{TIME} [s] or {STAMP} [ns], then some of {", ".join(coordinates)} in m and rad'
         raise InputError(f'{path}, line 1: the header must name {what}, not {shown!r}')
     return times[0], known
 
