@@ -155,6 +155,20 @@ def test_what_logs_of_others_hold_is_named(told, columns, change, message):
     assert code == 2 and error.count('\n') == 1 and re.search(message, error), error
 
 
+def test_degrees_are_doubted_once_where_no_pose_is_found(tmp_path, capsys):
+    rows = np.column_stack(
+        [
+            np.arange(400) / 100.0,
+            np.full((400, 3), 131.0) + np.arange(400)[:, None],
+            np.sin(np.arange(1200)).reshape(400, 3),
+        ]
+    )
+    header = 't [s],q1 [rad],q2 [rad],q3 [rad],tau1 [N m],tau2 [N m],tau3 [N m]'
+    np.savetxt(tmp_path / 'x.csv', rows, delimiter=',', header=header, comments='')
+    assert main(['identify', str(tmp_path / 'x.csv'), '--scenario', 'excitation']) == 2
+    assert capsys.readouterr().err.count('degrees?') == 1
+
+
 def test_angles_that_leap_by_a_turn_are_those_that_go_on(told, columns):
     time, position, effort = columns
     middle = position.mean(axis=0)

@@ -15,7 +15,7 @@ from parallel_robot_model.common.errors import (
     RobotError,
     WholeNeededError,
 )
-from parallel_robot_model.common.units import Array
+from parallel_robot_model.common.units import DEGREES, Array
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,8 @@ def named_errors(unsolvable: str, bag: Path, doubt: str = '') -> Iterator[None]:
     except WholeNeededError:  # is read again, as a whole
         raise
     except (BagError, KinematicsError, RobotError) as error:
-        raise BagError(f'{bag}: {error}{"; " if doubt else ""}{doubt}') from None
+        once = doubt and not (DEGREES in doubt and DEGREES in str(error))
+        raise BagError(f'{bag}: {error}{f"; {doubt}" if once else ""}') from None
     except np.linalg.LinAlgError as error:
         raise BagError(f'{bag}: {unsolvable.format(error)}') from None
 
