@@ -87,6 +87,13 @@ def test_a_joint_that_is_named_twice_is_told(record):
         record([state(t, (1, 2, 3, 4), names=names) for t in STAMPS])
 
 
+def test_joints_that_are_told_in_two_messages_are_no_state(record):
+    parts = (JOINTS[:2], JOINTS[2:])
+    states = [state(t, (1,) * len(part), names=part) for t in STAMPS for part in parts]
+    with pytest.raises(BagError, match=r'a message on joint_states has no joint., only joint'):
+        record(states)
+
+
 def test_states_without_stamps_count_when_they_were_recorded(record):
     log = record(whole(stamp=0))
     assert (log.stamps == STAMPS).all() and np.array_equal(log.position, MOTION)

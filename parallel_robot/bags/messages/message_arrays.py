@@ -295,7 +295,7 @@ def _order(bag: Path, topic: Topic, joints: tuple[str, ...], names: tuple[str, .
         if names.count(joint) > 1:
             raise BagError(f'{bag}: {topic.name} names {joint} twice: {", ".join(names)}')
         if joint not in names:
-            there = f'{topic.name} has no {joint}, only {", ".join(names)}'
+            there = f'a message on {topic.name} has no {joint}, only {", ".join(names)}'
             raise BagError(f'{bag}: {there}; --joints names them, --scenario the robot')
     return [names.index(joint) for joint in joints]
 
