@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import When, before_cycle
+from parallel_robot_control.cycle import CycleState, When, before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.joint_states import HeldCommands, StateRhythm
@@ -31,71 +31,92 @@ from parallel_robot_control.reference_buffer import (
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import OVERDUE, QUIET
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import inner, is_finite, kernel, read_row, select, write_row
+from parallel_robot_model.compiler import (
+    Boxed,
+    Struct,
+    inner,
+    is_finite,
+    kernel,
+    read_row,
+    select,
+    write_row,
+)
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import SLOW
 
-# The arrays shared by the controller and its kernels: Python reads them between two calls.
+# What controller and kernels share, whatever the law: Python reads it between two calls.
 
 NEVER = -1  # a stamp that no message has
 FOREVER = 2**63 - 1  # ns
 AGES = 4096  # answers for which the age of the state is kept
-
-# Rows of Shared.telemetry
-ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)
-# and of Shared.numbers.
-(
-    ACTED,  # bits of the limits that acted
-    LAST, FROM, START, END,  # stamps: last answer, first to answer, start and end of the motion
-    HEARD,  # time of the last answer on the monotonic clock; 0: none, or the end
-    LOGGED, ANSWERS,  # counts: rows of the log, answers
-    AGE,  # of the last state, from the measurement until the torque acts [ns]
-    PHASE,  # of the identification of the delay, see lock_in.py
-    CAUSE,  # fault whose cause was there at the last state
-    ACTED_AT,  # stamp of the last state at which a limit acted
-    UNTIL,  # stamp of the newest reference that counts
-    WAITS,  # whether the last reference was overdue
-    CAME,  # when the last state came, on the clock of the stamps [ns]
-    YOUNGEST,  # about the least age that states have when they are answered [ns]
-) = range(16)  # fmt: skip
+ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)  # rows of the telemetry
 QUEUED = 1  # periods by which a state of a burst is older than others: a younger one is behind it
 AGEING = 250  # states after which the least age counts as a period larger
 
 
-class Shared(NamedTuple):
-    """The arrays that Python and the kernels share."""
+class Timing(NamedTuple):
+    """Times [ns], and whether the plant waits for each command."""
 
+    period: int
+    reference_timeout: int
+    state_timeout: int
+    state_age: int
+    lockstep: bool
+
+
+class Common(NamedTuple):
+    """References, times, the state and the last answer, as a Struct; stamps and times in [ns]."""
+
+    references: Boxed  # see reference_buffer.Buffer
+    timing: Timing
+    state: Struct  # CycleState
     measured: Array  # position, velocity and effort of the last state, shape (3, n)
-    telemetry: Array  # telemetry of the last answer, one row a vector, shape (4, n)
-    numbers: NDArray[np.int64]  # limits, stamps and counts, shape (16,)
+    telemetry: Array  # of the last answer, one row a vector, shape (4, n)
     command: NDArray[np.uint8]  # the command message of the last answer, serialised
     torques: Array  # the torques in it [N m], shape (n,)
-    # stamps of state and reference of each answer, and when its torque acts [ns], shape
-    # (AGES, 3)
+    # stamps of state and reference of each answer, and when its torque acts, shape (AGES, 3)
     log: NDArray[np.int64]
     commanded: Array  # torques of each answer in the log [N m], shape (AGES, n)
     efforts: Array  # measured efforts of the states in the log [N m], shape (AGES, n)
-    ages: NDArray[np.int64]  # ages of the states when they were answered [ns], shape (AGES,)
+    ages: NDArray[np.int64]  # ages of the states when they were answered, shape (AGES,)
+    last: int = NEVER  # stamp of the last answer,
+    first: int = 0  # of the first state to answer,
+    start: int = NEVER  # of the start
+    end: int = NEVER  # and of the end of the motion
+    acted: int = 0  # bits of the limits that acted
+    acted_at: int = 0  # stamp of the last state at which one did
+    cause: int = faults.NONE  # fault whose cause was there at the last state
+    heard: int = 0  # time of the last answer on the monotonic clock; 0: none, or the end
+    logged: int = 0  # rows of the log
+    answers: int = 0  # how many there were
+    age: int = 0  # of the last state, from the measurement until the torque acts
+    phase: int = lock_in.OFF  # of the identification of the delay
+    until: int = FOREVER  # stamp of the newest reference that counts
+    waits: bool = False  # whether the last reference was overdue
+    came: int = NEVER  # when the last state came, on the clock of the stamps
+    youngest: int = FOREVER // 2  # about the least age that states have when they are answered
 
 
-def shared(joints: int) -> Shared:
-    """Arrays before the first state."""
+def common_of(references: Boxed, timing: Timing, state: CycleState) -> Struct:
+    """What is shared before the first state."""
+    joints = len(state.held)
     command = layouts.float64_multi_array(joints).draft()
-    made = Shared(
-        np.zeros((3, joints)),
-        np.zeros((4, joints)),
-        np.zeros(16, np.int64),
-        command.bytes,
-        command.fields['data'],
-        np.zeros((AGES, 3), np.int64),
-        np.zeros((AGES, joints)),
-        np.zeros((AGES, joints)),
-        np.zeros(AGES, np.int64),
+    return Struct(
+        Common(
+            references,
+            timing,
+            Struct(state),
+            np.zeros((3, joints)),
+            np.zeros((4, joints)),
+            command.bytes,
+            command.fields['data'],
+            np.zeros((AGES, 3), np.int64),
+            np.zeros((AGES, joints)),
+            np.zeros((AGES, joints)),
+            np.zeros(AGES, np.int64),
+        )
     )
-    made.numbers[[LAST, START, END, CAME]] = NEVER
-    made.numbers[[UNTIL, YOUNGEST]] = FOREVER, FOREVER // 2
-    return made
 
 
 # Return value of answer: bits, if the state was answered ...
@@ -132,7 +153,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         ANSWERED and further bits, or the reason why there is no answer.
     """
     common = core.common
-    acted, before = common.numbers[ACTED], common.state
+    acted, before = common.acted, common.state.value
     row = core.setup.limits.torque
     estimator = core.setup.estimator
     tracks = estimator.kind == KALMAN
@@ -148,19 +169,19 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.position,
         question.velocity,
         question.effort,
-        common.state,
+        common.state.value,
         When(sample, (stamps.acts - stamps.stamp) / NANOSECONDS, question.dt),
     )
-    common.state = done.state
+    common.state.value = done.state
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)
-    write_row(common.commanded, common.numbers[LOGGED] % AGES, done.torque)
-    write_row(common.efforts, common.numbers[LOGGED] % AGES, question.effort)
+    write_row(common.commanded, common.logged % AGES, done.torque)
+    write_row(common.efforts, common.logged % AGES, question.effort)
     phase = lock_in.phase(estimator.lock_in, sample)
     code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
-    numbers, after = common.numbers, done.state
-    if numbers[ACTED] != acted or after.fault != before.fault or after.lost != before.lost:
+    after = done.state
+    if common.acted != acted or after.fault != before.fault or after.lost != before.lost:
         code |= STATUS
     return code
 
@@ -210,34 +231,30 @@ def _open(
     `row` is any vector of shape (n,); `tracks`: whether the estimator predicts; `delay`: age that
     the stamps do not tell [s].
     """
-    timing, numbers, state = common.timing, common.numbers, common.state
+    timing, state = common.timing, common.state.value
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
-    before, last = numbers[LAST], state.last
+    before, last = common.last, state.last
     code, lookup, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
     if timing.lockstep:
         if before == NEVER:
-            numbers[AGE] = 0
-            if 0 < numbers[START] - stamp <= OLDEST:
-                numbers[AGE] = numbers[START] - stamp
-        acting += numbers[AGE]
+            common.age = 0
+            if 0 < common.start - stamp <= OLDEST:
+                common.age = common.start - stamp
+        acting += common.age
     elif now > stamp:
         acting += (now - stamp) // timing.period * timing.period
     acts = acting if timing.lockstep or tracks else stamp
     if stamp == NOT_UNDERSTOOD or not (is_finite(position) and is_finite(velocity)):
         code = UNKNOWN
-    elif acting < numbers[FROM]:
+    elif acting < common.first:
         code = EARLY
-    elif (
-        not timing.lockstep
-        and numbers[HEARD]
-        and monotonic - numbers[HEARD] > timing.state_timeout
-    ):
+    elif not timing.lockstep and common.heard and monotonic - common.heard > timing.state_timeout:
         code = STALE
     elif not timing.lockstep and now > stamp + timing.state_age:
         code = OLD
@@ -253,7 +270,7 @@ def _open(
         lookup, known, reference = reference_at(
             common.references,
             acts,
-            numbers[UNTIL],
+            common.until,
             timing.reference_timeout,
             timing.lockstep,
             row,
@@ -274,15 +291,15 @@ def _open(
         write_row(common.telemetry, ERROR, then.position - position)
         write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
         overdue = acts - known > OVERDUE * NANOSECONDS
-        joins = numbers[WAITS] != 0 and not overdue
+        joins = common.waits and not overdue
         if before != NEVER:
             dt = (stamp - before) / NANOSECONDS
-        elif not stamp <= numbers[START] <= acting:  # continue from the torque that acts
+        elif not stamp <= common.start <= acting:  # continue from the torque that acts
             torque, joins = applied, True
-        numbers[WAITS] = overdue
-        numbers[LAST] = stamp
-        common.state = before_cycle(state, torque, cause, joins)
-    numbers[CAME] = now
+        common.waits = overdue
+        common.last = stamp
+        common.state.value = before_cycle(state, torque, cause, joins)
+    common.came = now
     stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
     return Question(code, stamps, reference, position, velocity, effort, dt)
 
@@ -294,9 +311,9 @@ def _is_queued(common: Any, now: int, stamp: int) -> bool:
     They were held up. Answered each, the law would take many steps between two samples of the
     motors, though the torque of none of them has moved the robot before the next one.
     """
-    numbers, period = common.numbers, common.timing.period
-    at_once = now - numbers[CAME] < period // 2
-    return bool(at_once and now - stamp > numbers[YOUNGEST] + QUEUED * period)
+    period = common.timing.period
+    at_once = now - common.came < period // 2
+    return bool(at_once and now - stamp > common.youngest + QUEUED * period)
 
 
 @inner
@@ -304,39 +321,39 @@ def _close(
     common: Any, stamps: Stamps, acted: int, cause: int, phase: int, now: int, monotonic: int
 ) -> int:
     """Note what a cycle did and when, and return the bits of the answer."""
-    numbers, period = common.numbers, common.timing.period
+    period = common.timing.period
     stamp, before = stamps.stamp, stamps.before
-    acts = acted + select(numbers[WAITS] != 0, limiting.REFERENCE, 0)
+    acts = acted + select(common.waits, limiting.REFERENCE, 0)
     if acts:
-        numbers[ACTED] |= acts
-        numbers[ACTED_AT] = stamp
-    elif numbers[ACTED] and stamp - numbers[ACTED_AT] >= QUIET * NANOSECONDS:
-        numbers[ACTED] = 0  # what acts next is told
-    numbers[CAUSE] = cause
+        common.acted |= acts
+        common.acted_at = stamp
+    elif common.acted and stamp - common.acted_at >= QUIET * NANOSECONDS:
+        common.acted = 0  # what acts next is told
+    common.cause = cause
     if stamps.stale and cause == faults.NONE:
-        numbers[CAUSE] = faults.REFERENCE_STALE
-    common.log[numbers[LOGGED] % AGES, 0] = stamp
-    common.log[numbers[LOGGED] % AGES, 1] = stamps.known
-    common.log[numbers[LOGGED] % AGES, 2] = stamps.acts
-    numbers[LOGGED] += 1
+        common.cause = faults.REFERENCE_STALE
+    common.log[common.logged % AGES, 0] = stamp
+    common.log[common.logged % AGES, 1] = stamps.known
+    common.log[common.logged % AGES, 2] = stamps.acts
+    common.logged += 1
     age = max(0, now - stamp)
-    common.ages[numbers[ANSWERS] % AGES] = age
+    common.ages[common.answers % AGES] = age
     if now != 0:
-        numbers[YOUNGEST] = min(age, numbers[YOUNGEST] + period // AGEING)
-    numbers[ANSWERS] += 1
-    ended = numbers[END] != NEVER and stamps.now >= numbers[END]
-    numbers[HEARD] = 0 if ended else monotonic
+        common.youngest = min(age, common.youngest + period // AGEING)
+    common.answers += 1
+    ended = common.end != NEVER and stamps.now >= common.end
+    common.heard = 0 if ended else monotonic
     index = stamps.acts // period
-    index_before = (before + numbers[AGE]) // period
-    numbers[AGE] = stamps.acts - stamp
+    index_before = (before + common.age) // period
+    common.age = stamps.acts - stamp
     code = ANSWERED
     if index % SLOW == 0 or (before != NEVER and index // SLOW != index_before // SLOW):
         code |= TELEMETRY | LOG
-    if ended or numbers[LOGGED] == AGES:
+    if ended or common.logged == AGES:
         code |= LOG
-    if numbers[PHASE] != phase:
+    if common.phase != phase:
         code |= STATUS
-    numbers[PHASE] = phase
+    common.phase = phase
     return code
 
 
@@ -346,38 +363,37 @@ def _close(
 class AnswerLog:
     """The record that the kernels keep of each answer, collected from time to time."""
 
-    def __init__(self, arrays: Shared, period: int) -> None:
-        """Prepare the log; `arrays` are shared with the kernels, `period` is in ns."""
+    def __init__(self, common: Any, period: int) -> None:
+        """Prepare the log; `common`: a Common, shared with the kernels; `period` in ns."""
         # how often states come and are skipped, of what was collected
         self.rhythm = StateRhythm(period)
         self.held = HeldCommands()  # whether each command acts for several states
-        self._arrays = arrays
-        self._numbers = arrays.numbers
+        self._common = common
         self._ages_taken = 0
 
     @property
     def answered(self) -> int:
         """Number of states that were answered."""
-        return int(self._numbers[ANSWERS])
+        return int(self._common.answers)
 
     def zero_command(self) -> bytes:
         """A command of zero torque that answers no state, and is logged as such."""
-        row = self._numbers[LOGGED] % AGES
-        for each in (self._arrays.log, self._arrays.commanded, self._arrays.efforts):
+        row = self._common.logged % AGES
+        for each in (self._common.log, self._common.commanded, self._common.efforts):
             each[row] = 0
-        self._numbers[LOGGED] += 1
-        return layouts.float64_multi_array(len(self._arrays.torques)).template.tobytes()
+        self._common.logged += 1
+        return layouts.float64_multi_array(len(self._common.torques)).template.tobytes()
 
     def take(self) -> bytes:
         """Message of ``controller/answered``: which states were answered since the last call."""
-        count = min(int(self._numbers[LOGGED]), AGES)
-        self._numbers[LOGGED] = 0
-        self.rhythm.note(self._arrays.log[:count, 0].copy())
-        self.held.note(self._arrays.efforts[:count].copy(), self._arrays.commanded[:count].copy())
-        return answers_message(self._arrays.log[:count], self._arrays.commanded[:count])
+        count = min(int(self._common.logged), AGES)
+        self._common.logged = 0
+        self.rhythm.note(self._common.log[:count, 0].copy())
+        self.held.note(self._common.efforts[:count].copy(), self._common.commanded[:count].copy())
+        return answers_message(self._common.log[:count], self._common.commanded[:count])
 
     def take_ages(self) -> Array:
         """Ages of the states answered since the last call [s]; at most the newest AGES of them."""
         rows = np.arange(max(self._ages_taken, self.answered - AGES), self.answered) % AGES
         self._ages_taken = self.answered
-        return self._arrays.ages[rows] / NANOSECONDS
+        return self._common.ages[rows] / NANOSECONDS

@@ -10,23 +10,14 @@ import numpy as np
 
 from parallel_robot_control import configuration, controller_state
 from parallel_robot_control.answer_kernel import (
-    ACTED,
-    AGE,
     ANSWERED,
-    ANSWERS,
-    CAUSE,
-    HEARD,
-    LAST,
     NEVER,
     NO_REFERENCE,
     OUT_OF_ORDER,
-    PHASE,
     REFUSED,
     REFUSED_LONG,
-    START,
     STATUS,
     TELEMETRY,
-    UNTIL,
     AnswerLog,
 )
 from parallel_robot_control.configuration import ControlConfiguration, preset_of
@@ -73,7 +64,7 @@ class Controller(ControllerState):
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
-        self.log = AnswerLog(self._arrays, loop.period_ns)  # log of the states that were answered
+        self.log = AnswerLog(self._common, loop.period_ns)  # log of the states that were answered
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         self._first: int | None = None  # stamp from which on the first torque of the run acted
@@ -110,11 +101,10 @@ class Controller(ControllerState):
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        delay = delay_text(self._core.estimator, int(self._numbers[PHASE]), self._units)
-        number, lost = self._fault_of(self._common)
-        fault = self._faults.get(number)
-        pose = LOST if lost else self._told
-        return Status(self.law.name, fault, int(self._numbers[ACTED]), delay, pose)
+        delay = delay_text(self._core.estimator, self._common.phase, self._units)
+        fault = self._faults.get(self.fault)
+        pose = LOST if self._common.state.lost else self._told
+        return Status(self.law.name, fault, self._common.acted, delay, pose)
 
     def explained(self, fault: Fault) -> Fault:
         """The present fault, with what is known of its cause."""
@@ -200,7 +190,7 @@ class Controller(ControllerState):
             return False
         if abs(self.acts - first - last * self._loop.period_ns) > NEARLY:
             return False
-        self._numbers[HEARD] = 0
+        self._common.heard = 0
         self._reset()
         return True
 
@@ -250,7 +240,7 @@ class Controller(ControllerState):
         monotonic = time.monotonic_ns()
         code = self._core.answer(states, data, now, monotonic)
         if code > 0:
-            self.command = self._arrays.command.tobytes()
+            self.command = self._common.command.tobytes()
             self._pending, self._lost, self._answered_at = None, False, monotonic
             self._heard = data
             if self._first is None:
@@ -260,8 +250,8 @@ class Controller(ControllerState):
                 self._changed = False
                 self._count_fault()
                 if code & TELEMETRY:
-                    _, velocity, effort = self._arrays.measured
-                    self._efforts.note(effort, self._arrays.torques, velocity)
+                    _, velocity, effort = self._common.measured
+                    self._efforts.note(effort, self._common.torques, velocity)
         self.code = code
         return code
 
@@ -272,12 +262,12 @@ class Controller(ControllerState):
             stamp: Stamp of the state [ns].
             measured: Measured joints at the stamp.
         """
-        numbers = self._numbers
-        heard, numbers[HEARD] = int(numbers[HEARD]), 0  # it is answered, however late
+        common = self._common
+        heard, common.heard = common.heard, 0  # it is answered, however late
         data = self._state_layout.encode(stamp, **measured._asdict())
         if self.answer(data, self._own) == OUT_OF_ORDER:
-            last = int(numbers[LAST])
-            if stamp == last and not _equal(self._arrays.measured, map(np.nan_to_num, measured)):
+            last = common.last
+            if stamp == last and not _equal(self._common.measured, map(np.nan_to_num, measured)):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
                 lost = time.monotonic_ns() - self._answered_at > REPEATED
@@ -291,23 +281,23 @@ class Controller(ControllerState):
         if self.code == NO_REFERENCE and self._loop.lockstep:
             self._pending = data
         if self.code <= 0:
-            numbers[HEARD] = heard
+            common.heard = heard
         return self._answer() if self.code > 0 else None
 
     def _befall(self, times: HazardTimes, data: bytes) -> int:
         """Let happen what hazards do to a controller before it answers a state."""
-        numbers = self._numbers
-        stamp, start = layouts.header_stamp(data), int(numbers[START])
+        common = self._common
+        stamp, start = layouts.header_stamp(data), common.start
         if stamp is None or start == NEVER:
             return ANSWERED
-        age = start - stamp if numbers[LAST] == NEVER else int(numbers[AGE])
+        age = start - stamp if common.last == NEVER else common.age
         index = (stamp + (age if 0 < age <= OLDEST else 0) - start) // self._loop.period_ns
         before = self._sample if index > 0 else -1  # else the plant was reset
         sample = times.sample_of(index, before)
         self._sample = sample
         reason = faults.NUMBERS.get(times.refusal(sample), faults.NONE)
         if reason != faults.NONE and self._loop.lockstep:
-            self._refused = reason, int(numbers[ANSWERS]), 0
+            self._refused = reason, common.answers, 0
         if any(before < renewal <= sample for renewal in times.renewals):
             self._store(self.state._replace(fault=faults.NONE))
             self._reset()
@@ -315,7 +305,7 @@ class Controller(ControllerState):
         if any(before < clear <= sample for clear in times.clears):
             known = self.fault != faults.NONE and not self.state.lost
             self._changed |= known and not self.clear_fault()
-        numbers[UNTIL] = start + times.newest_reference(index) * self._loop.period_ns
+        common.until = start + times.newest_reference(index) * self._loop.period_ns
         if reason == faults.NONE or not self._loop.lockstep:
             return ANSWERED
         return REFUSED_LONG if times.loss(sample) and self.lose(reason) else REFUSED
@@ -326,13 +316,13 @@ class Controller(ControllerState):
         super()._count_fault()
 
     def _answer(self) -> Answer:
-        return Answer(self._arrays.torques.copy(), self.telemetry, self.status)
+        return Answer(self._common.torques.copy(), self.telemetry, self.status)
 
     def _reset(self) -> None:
         self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))
         self.law.memory.current = self.law.memory.first
-        self._numbers[[ACTED, CAUSE]] = 0, faults.NONE
-        self._numbers[LAST] = NEVER
+        self._common.acted, self._common.cause = 0, faults.NONE
+        self._common.last = NEVER
         self._pending = self._first = None
 
 

@@ -5,22 +5,11 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
-from parallel_robot_control import law_core
-from parallel_robot_control.answer_kernel import (
-    AGE,
-    ANSWERS,
-    CAUSE,
-    END,
-    FOREVER,
-    FROM,
-    HEARD,
-    LAST,
-    START,
-    shared,
-)
+from parallel_robot_control.answer_kernel import FOREVER, Timing, common_of
 from parallel_robot_control.approach import BACK
 from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked
@@ -31,7 +20,7 @@ from parallel_robot_control.reference_buffer import ReferenceBuffer
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import entry_point, need_compiler, vector
+from parallel_robot_model.compiler import need_compiler, vector
 from parallel_robot_model.configuration.loop import WAIT
 
 # What happens to a controller between two cycles: faults, clearing, switching, a new run.
@@ -136,12 +125,10 @@ class ControllerState:
         self._state_timeout = round(safety.state_timeout * NANOSECONDS)
         self._heard = b''  # the last state
         self._references = ReferenceBuffer(loop.joints)
-        self._arrays = shared(len(loop.joints))
-        self._numbers = self._arrays.numbers
         state = initial_state(np.array(configuration.guess), len(loop.joints))
-        self._common = law_core.common(
+        self._common: Any = common_of(
             self._references.compiled,
-            law_core.Timing(
+            Timing(
                 loop.period_ns,
                 round(safety.reference_timeout * NANOSECONDS),
                 self._state_timeout,
@@ -149,11 +136,7 @@ class ControllerState:
                 loop.lockstep,
             ),
             state,
-            self._arrays,
         )
-        self._state_of = entry_point(law_core.state_of, self._common)
-        self._fault_of = entry_point(law_core.fault_of, self._common)
-        self._set_state = entry_point(law_core.set_state, self._common, state)
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
         self._refused = faults.NONE, 0, 0  # why, at which count of answers, since when [ns]
@@ -162,7 +145,7 @@ class ControllerState:
         self._offered: Array | None = None  # the pose that the user may confirm
         self._told = ''  # the last pose that was told
         if loop.start_stamp == WAIT:
-            self._numbers[FROM] = FOREVER
+            self._common.first = FOREVER
         elif loop.start_stamp > 0:
             self.begin(loop.start_stamp)
         elif loop.lockstep:
@@ -173,35 +156,36 @@ class ControllerState:
     @property
     def fault(self) -> int:
         """NONE or the number of the present fault, see faults.py."""
-        return int(self._fault_of(self._common)[0])
+        fault: int = self._common.state.fault
+        return fault
 
     @property
     def state(self) -> CycleState:
         """State of the controller after the last cycle."""
-        state: CycleState = self._state_of(self._common)
+        state: CycleState = self._common.state.value
         return state
 
     @property
     def stamp(self) -> int:
         """Stamp of the state answered last [ns]; 0 if there is none."""
-        return max(0, int(self._numbers[LAST]))
+        return max(0, self._common.last)
 
     @property
     def acts(self) -> int:
         """Stamp from which on the torque of the last answer acts [ns]; 0 if there is none."""
-        return self.stamp + int(self._numbers[AGE])
+        return self.stamp + self._common.age
 
     @property
     def telemetry(self) -> Telemetry:
         """Telemetry of the last answer, one row."""
-        return Telemetry(*self._arrays.telemetry[:, np.newaxis].copy())
+        return Telemetry(*self._common.telemetry[:, np.newaxis].copy())
 
     def begin(self, stamp: int) -> None:
         """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
-        self._numbers[START] = stamp
-        self._numbers[FROM] = stamp if self._loop.start_stamp == WAIT else 0
+        self._common.start = stamp
+        self._common.first = stamp if self._loop.start_stamp == WAIT else 0
         if self._loop.last_index is not None:
-            self._numbers[END] = stamp + self._loop.last_index * self._loop.period_ns
+            self._common.end = stamp + self._loop.last_index * self._loop.period_ns
 
     def trip(self, fault: int) -> None:
         """Enter a fault: the safe action begins with the next state."""
@@ -219,7 +203,7 @@ class ControllerState:
         Returns:
             Whether the states were lost since the last call: then the torque must be zero.
         """
-        answers, now = int(self._numbers[ANSWERS]), time.monotonic_ns()
+        answers, now = self._common.answers, time.monotonic_ns()
         if self._refused[:2] != (fault, answers):
             self._refused = fault, answers, now
         return now - self._refused[2] > REFUSAL_TIMEOUT and self.lose(fault)
@@ -227,9 +211,9 @@ class ControllerState:
     def cause(self) -> int:
         """Fault whose cause is there now, else NONE: a fault is not cleared while it is."""
         refused, answers, _ = self._refused
-        if refused != faults.NONE and answers == self._numbers[ANSWERS]:
+        if refused != faults.NONE and answers == self._common.answers:
             return refused
-        return faults.STATES_STALE if self.stale() else int(self._numbers[CAUSE])
+        return faults.STATES_STALE if self.stale() else self._common.cause
 
     def place(self, pose: Array) -> None:
         """Know the pose again, shape (m,): the estimate follows it from there."""
@@ -243,7 +227,7 @@ class ControllerState:
         Returns:
             The reason why not; empty if the pose is known now.
         """
-        if not self._fault_of(self._common)[1]:
+        if not self._common.state.lost:
             return 'the pose is known'
         if self._offered is None:
             return 'no pose was named; ~/clear_fault names those that fit the joint angles'
@@ -294,7 +278,7 @@ class ControllerState:
 
     def stale(self) -> bool:
         """Whether joint states were received but have stopped coming (wall time)."""
-        heard = int(self._numbers[HEARD])
+        heard = self._common.heard
         if not heard or self._loop.lockstep:
             return False
         return time.monotonic_ns() - heard > self._state_timeout
@@ -321,7 +305,7 @@ class ControllerState:
         return True
 
     def _store(self, state: CycleState) -> None:
-        self._set_state(self._common, state)
+        self._common.state.value = state
 
     def _count_fault(self) -> None:
         """Count the present fault, once, by its text."""

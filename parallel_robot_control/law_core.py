@@ -9,132 +9,48 @@ from __future__ import annotations
 import copy
 from typing import Any, NamedTuple
 
-from numba import types
-from numba.experimental import structref
-
-from parallel_robot_control.answer_kernel import Shared, answer
+from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import Control, assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_of
+from parallel_robot_control.cycle import ControlSetup, cycle_of
 from parallel_robot_control.estimation.estimator import Estimator
 from parallel_robot_control.messages import Status, Telemetry
 from parallel_robot_control.prepared_law import PreparedLaw, renewed
 from parallel_robot_control.safety.limiting import Limits
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import entry_point, kernel
+from parallel_robot_model.compiler import Boxed, FirstClass, Struct, entry_point
 
 
-class Timing(NamedTuple):
-    """Times [ns], and whether the plant waits for each command."""
+class Core(NamedTuple):
+    """A law with everything that its cycle needs, boxed; of one type for all laws."""
 
-    period: int
-    reference_timeout: int
-    state_timeout: int
-    state_age: int
-    lockstep: bool
-
-
-@structref.register
-class CommonType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Common."""
-
-
-class Common(structref.StructRefProxy):  # type: ignore[misc]
-    """What does not depend on the law: references, times, state, the fields of Shared."""
-
-
-@structref.register
-class CoreType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Core, for all laws."""
-
-
-class Core(structref.StructRefProxy):  # type: ignore[misc]
-    """A law with everything that its cycle needs."""
-
-
-structref.define_boxing(CommonType, Common)
-structref.define_constructor(
-    Common, CommonType, ('references', 'timing', 'state', *Shared._fields)
-)
-structref.define_boxing(CoreType, Core)
-structref.define_constructor(Core, CoreType, ('cycle', 'setup', 'common'))
-
-
-@kernel
-def _common(references: Any, timing: Timing, state: CycleState, arrays: Shared) -> Any:
-    return Common(
-        references,
-        timing,
-        state,
-        arrays.measured,
-        arrays.telemetry,
-        arrays.numbers,
-        arrays.command,
-        arrays.torques,
-        arrays.log,
-        arrays.commanded,
-        arrays.efforts,
-        arrays.ages,
-    )
-
-
-def common(references: Any, timing: Timing, state: CycleState, arrays: Shared) -> Any:
-    """Make the object that the cores of all laws share.
-
-    Args:
-        references: ReferenceBuffer.compiled.
-        timing: See Timing.
-        state: State before the first cycle.
-        arrays: See Shared.
-    """
-    return _common(references, timing, state, arrays)
-
-
-@kernel
-def state_of(common: Any) -> CycleState:
-    """State of the controller after the last cycle."""
-    return common.state
-
-
-@kernel
-def fault_of(common: Any) -> tuple[int, bool]:
-    """Number of its fault, and whether its pose is lost; without the rest of the state."""
-    return common.state.fault, common.state.lost
-
-
-@kernel
-def set_state(common: Any, state: CycleState) -> None:
-    """Replace it."""
-    common.state = state
-
-
-@kernel
-def _core(cycle: Any, setup: ControlSetup, common: Any) -> Any:
-    return Core(cycle, setup, common)
+    cycle: FirstClass
+    setup: ControlSetup
+    common: Struct  # see answer_kernel.Common
 
 
 class LawCore:
     """The compiled core with one law; the cores of all laws share the rest."""
 
-    def __init__(self, control: Control, common: Any, wire: Any) -> None:
+    def __init__(self, control: Control, common: Struct, wire: Boxed) -> None:
         """Make the core, and compile the kernels that use it, which are those of all laws.
 
         Args:
             control: Law, robot, limits.
-            common: See :func:`common`.
+            common: See Common.
             wire: Layout of the state messages, see Wire.
         """
         self.law, self._setup, self._common = control.law, control.setup, common
         self._cycle = cycle_of(control.setup, control.state)
-        self._make = entry_point(_core, *self._parts())
-        self._core = self._make(*self._parts())
+        self._core = Boxed(Core(self._cycle, control.setup, common))
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
 
     def again(self, law: PreparedLaw, setup: ControlSetup) -> LawCore:
         """Another core, with the same kernels."""
         other = copy.copy(self)
         other.law, other._setup = law, setup
-        other._core = self._make(*other._parts())
+        core = Core(self._cycle, setup, self._common)
+        other._core = Boxed(core, self._core._numba_type_)
         return other
 
     def renewed(self, law: PreparedLaw) -> LawCore:
@@ -158,9 +74,6 @@ class LawCore:
         estimator: Estimator = self._setup.estimator.value
         return estimator
 
-    def _parts(self) -> tuple[Any, ...]:
-        return self._cycle, self._setup, self._common
-
 
 # The compiled cores of a controller's laws, made at its start.
 
@@ -168,12 +81,12 @@ class LawCore:
 class LawCores:
     """Makes cores."""
 
-    def __init__(self, configuration: ControlConfiguration, common: Any, wire: Any) -> None:
+    def __init__(self, configuration: ControlConfiguration, common: Struct, wire: Boxed) -> None:
         """Compile all laws, so that they are ready for a switch.
 
         Args:
             configuration: Configuration of the controller.
-            common: What the cores of all laws share, see :func:`law_core.common`.
+            common: What the cores of all laws share, see Common.
             wire: Layout of the joint states, as the kernels take it.
 
         Raises:

@@ -6,13 +6,12 @@ from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
+from numpy.typing import NDArray
 
 from parallel_robot_control.safety import limiting
 from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import Boxed, inner
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.cdr import ENCAPSULATION, SPARE
 from parallel_robot_model.robots.contract import Fault
@@ -170,36 +169,21 @@ def status_message(stamp: int, status: Status) -> bytes:
 NOT_UNDERSTOOD = -1  # stamp that marks a message of another layout, or with an invalid stamp
 
 
-@structref.register
-class WireType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Wire."""
+class Wire(NamedTuple):
+    """Where the numbers of one kind of message lie, boxed; the arrays are those of the reader."""
+
+    template: NDArray[np.uint8]  # a message
+    constants: NDArray[np.int64]  # bytes that are the same in each
+    stamp: int  # word of the stamp in the body; -1: it has none
+    starts: NDArray[np.int64]  # where a joint vector begins in the numbers; -1: it is not there
+    order: NDArray[np.int64]  # index of each of the wanted joints in it
+    body: NDArray[np.uint8]  # the message that was opened last, without its head,
+    words: NDArray[np.int32]  # as words
+    numbers: Array  # and as floats
+    row: Array  # the vector that was read last, shape (n,)
 
 
-class Wire(structref.StructRefProxy):  # type: ignore[misc]
-    """Where the numbers of one kind of message lie. Made by :func:`wire_of`."""
-
-
-FIELDS = ('template', 'constants', 'stamp', 'starts', 'order', 'body', 'words', 'numbers', 'row')
-structref.define_boxing(WireType, Wire)
-structref.define_constructor(Wire, WireType, FIELDS)
-
-
-@kernel
-def _wire(
-    template: Any,
-    constants: Any,
-    stamp: int,
-    starts: Any,
-    order: Any,
-    body: Any,
-    words: Any,
-    numbers: Any,
-    row: Any,
-) -> Any:
-    return Wire(template, constants, stamp, starts, order, body, words, numbers, row)
-
-
-def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Any:
+def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Boxed:
     """Make what the kernels need from a layout.
 
     Args:
@@ -211,7 +195,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
     known: Any = layout.dtype.fields
     starts = [(known[name][1] - offset) // 8 if name in known else -1 for name in fields]
     body = np.zeros(-(-len(layout.template) // 8) * 8 + 8, np.uint8)
-    return _wire(
+    wire = Wire(
         layout.template.copy(),
         layout.constants.astype(np.int64),
         (known['sec'][1] - offset) // 4 if layout.stamped else -1,
@@ -222,6 +206,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
         body.view(np.float64),
         np.zeros(len(order)),
     )
+    return Boxed(wire)
 
 
 @inner

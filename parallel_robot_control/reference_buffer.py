@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.messages import NOT_UNDERSTOOD, joint_row, open_message, wire_of
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import entry_point, inner, kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import (
+    Boxed,
+    entry_point,
+    inner,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
 from parallel_robot_model.messages import layouts
 
 # A reference at a stamp between its samples: extrapolated with its own derivatives.
@@ -87,22 +93,12 @@ RESTART = NANOSECONDS // 2  # a jump of the stamps by more than this is a new ru
 FIRST, COUNT = 0, 1  # elements of the window
 
 
-@structref.register
-class BufferType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a Buffer."""
+class Buffer(NamedTuple):
+    """The arrays of a ReferenceBuffer, as the kernels take them, boxed."""
 
-
-class Buffer(structref.StructRefProxy):  # type: ignore[misc]
-    """The arrays of a ReferenceBuffer, as the kernels take them."""
-
-
-structref.define_boxing(BufferType, Buffer)
-structref.define_constructor(Buffer, BufferType, ('stamps', 'rows', 'window'))
-
-
-@kernel
-def _buffer(stamps: Any, rows: Any, window: Any) -> Any:
-    return Buffer(stamps, rows, window)
+    stamps: NDArray[np.int64]
+    rows: Array
+    window: NDArray[np.int64]
 
 
 class ReferenceBuffer:
@@ -114,7 +110,7 @@ class ReferenceBuffer:
         self._rows = np.zeros((SIZE, 3, len(joints)))
         self._window = np.zeros(2, np.int64)
         # the Buffer for the kernels of this module
-        self.compiled = _buffer(self._stamps, self._rows, self._window)
+        self.compiled = Boxed(Buffer(self._stamps, self._rows, self._window))
         layout = layouts.joint_trajectory(joints)
         self._wire = wire_of(layout, REFERENCE_FIELDS, range(len(joints)))
         self._append = entry_point(append_message, self.compiled, self._wire, b'')

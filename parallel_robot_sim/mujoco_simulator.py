@@ -14,7 +14,7 @@ from parallel_robot_model.robots.joint_load import net_torque
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import PlantConfiguration
 from parallel_robot_sim.mujoco_model import MujocoRobot
-from parallel_robot_sim.plant import MUJOCO, torques
+from parallel_robot_sim.plant import MUJOCO, PlantState, torques
 from parallel_robot_sim.plant_core import take
 from parallel_robot_sim.plant_run import Simulator
 
@@ -44,7 +44,7 @@ class MujocoSimulator(Simulator):
     def _step(self, command: np.ndarray, arrived: bool) -> bool:
         state = self.state
         self._take(self._core, command, arrived)
-        torque, acting = self._torques(self._setup, state, vector(self._asked), self._period)
+        torque, acting = self._torques(self._setup, state, self._core.asked, self._period)
 
         def load(velocity: Array, time: float) -> Array:
             net: Array = self._net(self._setup.load, acting, vector(velocity), time)
@@ -54,10 +54,7 @@ class MujocoSimulator(Simulator):
         coordinates, rate = self._bodies.motion
         if not (np.isfinite(coordinates).all() and np.isfinite(rate).all()):
             return False
-        for kept, found in zip(
-            self._state, (coordinates, rate, torque, state.time + self._period), strict=True
-        ):
-            kept[:] = found
+        self._state.value = PlantState(coordinates, rate, torque, state.time + self._period)
         return True
 
 

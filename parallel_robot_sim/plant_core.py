@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numba.experimental import structref
+from numpy.typing import NDArray
 
 from parallel_robot_control.messages import joint_row, lay_open
 from parallel_robot_model.common.units import NANOSECONDS, Array
@@ -14,83 +13,24 @@ from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.messages.layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
-from parallel_robot_sim.hazards import Waiting, commanded, told, waited
+from parallel_robot_sim.hazards import commanded, told, waited
 from parallel_robot_sim.noise_and_delay import sample_at
-from parallel_robot_sim.plant import PlantSetup, PlantState, step
+from parallel_robot_sim.plant import PlantSetup, step
 from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 
 
-@structref.register
-class PlantCoreType(types.StructRef):  # type: ignore[misc]
-    """Numba's type of a PlantCore."""
+class PlantCore(NamedTuple):
+    """The true robot, its state, and the message for it, as a Struct."""
 
-
-class PlantCore(structref.StructRefProxy):  # type: ignore[misc]
-    """The true robot, its state, and the message for it. Made by :func:`plant_core`."""
-
-
-FIELDS = (
-    'setup', 'period', 'start', 'coordinates', 'rate', 'torque', 'time',
-    'silent', 'held', 'command', 'asked', 'stamp', 'position', 'velocity', 'effort',
-)  # fmt: skip
-structref.define_boxing(PlantCoreType, PlantCore)
-structref.define_constructor(PlantCore, PlantCoreType, FIELDS)
-
-
-@kernel
-def plant_core(
-    setup: PlantSetup,
-    period: float,
-    start: PlantState,
-    coordinates: Array,
-    rate: Array,
-    torque: Array,
-    time: Array,
-    silent: Any,
-    held: Array,
-    command: Array,
-    asked: Array,
-    stamp: Any,
-    position: Array,
-    velocity: Array,
-    effort: Array,
-) -> Any:
-    """Put robot, state and message together; the arrays are shared, not copied.
-
-    Args:
-        setup: The robot, its load, its integrator.
-        period: Length of a step [s].
-        start: The first state; the arrays hold the present one.
-        coordinates: Coordinates of the state, see PlantState, shape (c,).
-        rate: Their derivative, shape (c,).
-        torque: Torque of the step that ended at the state [N m], shape (n,).
-        time: Time of the state [s], shape (1,).
-        silent: Samples since the last command, see Waiting, shape (1,).
-        held: Joint angles when the safe action of the motors began [rad], shape (n,).
-        command: The last command [N m], shape (n,).
-        asked: What the motors are asked for over a period [N m], shape (n,).
-        stamp: Stamp in the message, seconds and nanoseconds, shape (2,).
-        position: Joints in the message [rad], shape (n,) or with the passive joints (n + p,).
-        velocity: Their rates [rad/s], same shape.
-        effort: Torques in the message [N m], same shape.
-    """
-    return PlantCore(
-        setup,
-        period,
-        start,
-        coordinates,
-        rate,
-        torque,
-        time,
-        silent,
-        held,
-        command,
-        asked,
-        stamp,
-        position,
-        velocity,
-        effort,
-    )
+    setup: PlantSetup  # the robot, its load, its integrator
+    period: float  # length of a step [s]
+    state: Any  # PlantState, a Struct
+    waiting: Any  # Waiting, a Struct
+    asked: Array  # what the motors are asked for over a period [N m], shape (n,)
+    stamp: NDArray[np.int32]  # in the message, seconds and nanoseconds, shape (2,)
+    position: Array  # joints in it [rad], shape (n,) or with the passive joints (n + p,)
+    velocity: Array  # their rates [rad/s], same shape
+    effort: Array  # torques in it [N m], same shape
 
 
 @kernel
@@ -102,26 +42,19 @@ def take(core: Any, command: Array, arrived: bool) -> None:
         command: The newest command [N m], shape (n,).
         arrived: Whether it is one for this period.
     """
-    setup, row = core.setup, core.start.torque
-    newest = read_row(command, 0, row)
+    setup, newest = core.setup, read_row(command, 0, core.asked)
     if arrived and not setup.hazards.on:
-        core.silent[0] = 0
-        write_row(core.asked, 0, newest)
+        core.waiting.silent = 0
+        core.asked = newest
         return
-    coordinates = read_row(core.coordinates, 0, core.start.coordinates)
-    rate = read_row(core.rate, 0, core.start.rate)
-    joints = setup.measure(setup.robot, coordinates, rate)
-    before = Waiting(core.silent[0], read_row(core.held, 0, row), read_row(core.command, 0, row))
+    state, before = core.state, core.waiting.value
+    joints = setup.measure(setup.robot, state.coordinates, state.rate)
     if setup.hazards.on:
-        sample = sample_at(core.time[0], core.period)
+        sample = sample_at(state.time, core.period)
         arrived, newest = commanded(setup.hazards, sample, arrived, newest, before)
-    asked, after = waited(
+    core.asked, core.waiting.value = waited(
         setup.patience, before, arrived, newest, joints.position, joints.velocity
     )
-    core.silent[0] = after.silent
-    write_row(core.held, 0, after.held)
-    write_row(core.command, 0, after.command)
-    write_row(core.asked, 0, asked)
 
 
 @kernel
@@ -132,20 +65,10 @@ def advance(core: Any, command: Array, arrived: bool) -> bool:
         Whether the robot is still in its workspace; if not, the state is left unchanged.
     """
     take(core, command, arrived)
-    start = core.start
-    state = PlantState(
-        read_row(core.coordinates, 0, start.coordinates),
-        read_row(core.rate, 0, start.rate),
-        read_row(core.torque, 0, start.torque),
-        core.time[0],
-    )
-    after = step(core.setup, state, read_row(core.asked, 0, start.torque), core.period)
+    after = step(core.setup, core.state.value, core.asked, core.period)
     if not (is_finite(after.coordinates) and is_finite(after.rate)):
         return False
-    write_row(core.coordinates, 0, after.coordinates)
-    write_row(core.rate, 0, after.rate)
-    write_row(core.torque, 0, after.torque)
-    core.time[0] = after.time
+    core.state.value = after
     return True
 
 
@@ -158,18 +81,15 @@ def tell(core: Any, stamp: int) -> bool:
     Returns:
         Whether the state has joint positions, i.e. the robot is in its workspace.
     """
-    setup, start = core.setup, core.start
-    coordinates = read_row(core.coordinates, 0, start.coordinates)
-    rate = read_row(core.rate, 0, start.rate)
-    joints = setup.measure(setup.robot, coordinates, rate)
-    angles, rates = joints.position, joints.velocity
-    torque = read_row(core.torque, 0, start.torque)
+    setup, state = core.setup, core.state
+    joints = setup.measure(setup.robot, state.coordinates, state.rate)
+    angles, rates, torque = joints.position, joints.velocity, state.torque
     if setup.imperfections.on:
-        angles, rates = sensed(setup, joints, core.time[0], core.period)
-        torque = effort_at_stamp(setup, torque, core.time[0], core.period)
+        angles, rates = sensed(setup, joints, state.time, core.period)
+        torque = effort_at_stamp(setup, torque, state.time, core.period)
         stamp -= int(setup.imperfections.age * NANOSECONDS + 0.5)
     if setup.hazards.on:
-        sample = sample_at(core.time[0], core.period)
+        sample = sample_at(state.time, core.period)
         angles, rates, torque = told(setup.hazards, sample, angles, rates, torque)
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS

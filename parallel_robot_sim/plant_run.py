@@ -14,14 +14,15 @@ from numpy.typing import NDArray
 from parallel_robot_control.messages import wire_of
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.compiler import entry_point, need_compiler, vector
+from parallel_robot_model.compiler import Struct, entry_point, need_compiler
 from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
+from parallel_robot_sim.hazards import not_waiting
 from parallel_robot_sim.plant import PlantState
-from parallel_robot_sim.plant_core import advance, plant_core, read_command, state_layout, tell
+from parallel_robot_sim.plant_core import PlantCore, advance, read_command, state_layout, tell
 
 # The plant as an object: the true robot of a configuration, advanced command by command.
 
@@ -46,14 +47,7 @@ class Simulator:
         self._period = loop.period
         self._patience = self._setup.patience.samples
         n = len(loop.joints)
-        self._silent = np.zeros(1, np.int64)  # periods since the last command
-        self._asked = np.zeros(n)  # N m, of the motors over a period
-        self._state = (
-            np.array(start.coordinates),
-            np.array(start.rate),
-            np.array(start.torque),
-            np.array([start.time]),
-        )
+        self._state, self._waiting = Struct(start), Struct(not_waiting(n))
         measure = robot.module.measure
         self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
         passive = (
@@ -63,17 +57,16 @@ class Simulator:
         )
         draft = state_layout(loop.joints, passive).draft()
         self._message = draft.bytes
-        self._core = plant_core(
-            self._setup,
-            loop.period,
-            start,
-            *self._state,
-            self._silent,
-            np.zeros(n),
-            np.zeros(n),
-            self._asked,
-            self._message[4:12].view(np.int32),
-            *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
+        self._core = Struct(
+            PlantCore(
+                self._setup,
+                loop.period,
+                self._state,
+                self._waiting,
+                start.torque,
+                self._message[4:12].view(np.int32),
+                *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
+            )
         )
         self._wire = wire_of(layouts.float64_multi_array(n), ('data',), range(n))
         self._read = entry_point(read_command, self._wire, b'', np.zeros(n))
@@ -83,8 +76,8 @@ class Simulator:
     @property
     def state(self) -> PlantState:
         """The present state."""
-        coordinates, rate, torque, time = self._state
-        return PlantState(vector(coordinates), vector(rate), vector(torque), float(time[0]))
+        state: PlantState = self._state.value
+        return state
 
     @property
     def pose(self) -> np.ndarray:
@@ -93,7 +86,7 @@ class Simulator:
 
     def warm(self) -> None:
         """Compile the kernels; the robot advances by one period without torque."""
-        self.advance(np.zeros(len(self._asked)))
+        self.advance(np.zeros(len(self._core.asked)))
 
     def read(self, data: bytes, command: np.ndarray) -> bool:
         """Read a command message into `command` [N m], shape (n,).
@@ -107,7 +100,7 @@ class Simulator:
     @property
     def sample(self) -> int:
         """Index of the present sample, since the start."""
-        return round(float(self._state[3][0]) / self._period)
+        return round(self._state.time / self._period)
 
     @property
     def told(self) -> bool:
@@ -141,7 +134,7 @@ class Simulator:
             raise RunError(
                 f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
             )
-        return bool(self._silent[0] == self._patience)
+        return bool(self._waiting.silent == self._patience)
 
     def _step(self, command: np.ndarray, arrived: bool) -> bool:
         """Advance the state; False, with the state unchanged, if the robot was driven out."""
@@ -150,8 +143,8 @@ class Simulator:
 
     def measurement(self) -> Measurement:
         """Joints and pose at the present state."""
-        coordinates, rate, _, _ = self._state
-        joints: Measurement = self._measure(self._setup.robot, vector(coordinates), vector(rate))
+        state = self._state
+        joints: Measurement = self._measure(self._setup.robot, state.coordinates, state.rate)
         return joints
 
     def message(self, stamp: int) -> bytes:

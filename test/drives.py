@@ -225,9 +225,9 @@ class Drives(Node):
             if self._on[EFFORT] or errs or self._turns:
                 self._robot.advance(self._torque + (self._hand if self._turns else 0.0))
             else:  # braked
-                _, rate, _, passed = self._robot._state
-                rate[:] = 0.0
-                passed += 1e-9 * self.thread._period
+                state = self._robot._state
+                state.rate = 0.0 * state.rate
+                state.time += 1e-9 * self.thread._period
 
     def _cycle(self, stamp):
         if self._is_due(BROADCASTER):

@@ -50,8 +50,8 @@ def forget_excess(rig):
 def limit_torque(rig, limit):
     """Give the kernels another torque limit from now on."""
     core = rig.controller._core
-    core._setup = core._setup._replace(limits=Boxed(core.limits._replace(torque=limit)))
-    core._core = core._make(*core._parts())
+    setup = core._setup._replace(limits=Boxed(core.limits._replace(torque=limit)))
+    rig.controller._core = core.again(core.law, setup)
 
 
 def weak_at_first(law, deaf):

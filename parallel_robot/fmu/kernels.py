@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, When, before_cycle, run_cycle
+from parallel_robot_control.cycle import When, before_cycle, run_cycle
 from parallel_robot_control.safety.faults import NONE, STATES_STALE
 from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.units import Array
@@ -24,7 +24,7 @@ from parallel_robot_model.compiler import (
     write_at,
 )
 from parallel_robot_sim.configuration import Plant
-from parallel_robot_sim.plant import PlantState, step
+from parallel_robot_sim.plant import step
 from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
 from trajectory_gen.trajectory import Reference
 
@@ -44,17 +44,11 @@ FOREVER = 1e9  # s
 PAUSE = 1.5  # periods from a state to the next, above which states between them are missing
 
 
-class LawState(NamedTuple):
-    """What a controller hands from one call to the next, as a Struct."""
-
-    state: CycleState  # after the cycle before
-
-
 class LawInstance(NamedTuple):
     """A controller with its memory."""
 
     setup: Any  # law, robot and limits, see :class:`ControlSetup`
-    kept: Any  # its LawState, a Struct
+    state: Any  # CycleState after the cycle before, a Struct
     values: int  # address of inputs and outputs: ROWS for each joint, then NUMBERS
     period: float  # time between states [s]
 
@@ -72,7 +66,7 @@ def law_instance(control: Control, period: float, state_timeout: float) -> Boxed
     values = Space(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault
     values.floats[ROWS * joints + STATE_TIMEOUT] = state_timeout
-    return Boxed(LawInstance(control.setup, Struct(LawState(control.state)), values, period))
+    return Boxed(LawInstance(control.setup, Struct(control.state), values, period))
 
 
 @kernel
@@ -84,7 +78,7 @@ def begin_law(instance: LawInstance) -> int:
 @kernel
 def answer_state(instance: LawInstance) -> int:
     """Compute the torque for the state in the inputs; 0."""
-    values, state = instance.values, instance.kept.state
+    values, state = instance.values, instance.state.value
     row = state.held
     first = ROWS * len(row)
     desired = JointReference(
@@ -114,7 +108,7 @@ def answer_state(instance: LawInstance) -> int:
         before_cycle(state, torque, cause, joins),
         When(sample, read_at(values, first + AGE, 0.0), dt),
     )
-    instance.kept.state = cycle.state
+    instance.state.value = cycle.state
     write_at(values, TORQUE, cycle.torque)
     write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
     write_at(values, COUPLED_ERROR, cycle.coupled_error)
@@ -134,17 +128,11 @@ PLANT_ROWS = 6
 PLANT_AGE, POSE = 0, 1  # and numbers behind them; the pose is the last
 
 
-class SimulatedState(NamedTuple):
-    """What a simulated robot hands from one call to the next, as a Struct."""
-
-    state: PlantState
-
-
 class PlantInstance(NamedTuple):
     """A simulated robot with its memory."""
 
     setup: Any  # what it is made of, see :class:`PlantSetup`
-    kept: Any  # its SimulatedState, a Struct
+    state: Any  # PlantState, a Struct
     values: int  # address of inputs and outputs: PLANT_ROWS for each joint, the age, the pose
     period: float  # time between states [s]
 
@@ -159,13 +147,13 @@ def plant_instance(plant: Plant, period: float, pose_size: int) -> Boxed:
     """
     joints = len(plant.state.torque)
     values = Space(PLANT_ROWS * joints + POSE + pose_size)
-    return Boxed(PlantInstance(plant.setup, Struct(SimulatedState(plant.state)), values, period))
+    return Boxed(PlantInstance(plant.setup, Struct(plant.state), values, period))
 
 
 @kernel
 def tell_state(instance: PlantInstance) -> int:
     """Write the state to the outputs, as sensors tell it; 1 if the robot left its workspace."""
-    state = instance.kept.state
+    state = instance.state.value
     setup, values, row = instance.setup, instance.values, state.torque
     true = setup.measure(setup.robot, state.coordinates, state.rate)
     angles, rates, effort, age = true.position, true.velocity, state.torque, 0.0
@@ -188,10 +176,10 @@ def tell_state(instance: PlantInstance) -> int:
 @kernel
 def advance(instance: PlantInstance) -> int:
     """Move the robot by one period under the torque in the inputs; as :func:`tell_state`."""
-    state = instance.kept.state
+    state = instance.state.value
     command = read_at(instance.values, PLANT_TORQUE, np.zeros_like(state.torque))
     after = step(instance.setup, state, command, instance.period)
-    instance.kept.state = after
+    instance.state.value = after
     return tell_state(instance)
 
 
@@ -239,7 +227,7 @@ def begin_loop(instance: LoopInstance) -> int:
 def step_loop(instance: LoopInstance) -> int:
     """Answer the state, move the robot under the torque; as :func:`begin_loop`."""
     law, plant = instance.law, instance.plant
-    row = law.kept.state.held
+    row = law.state.held
     write_at(law.values, POSITION, read_at(plant.values, PLANT_POSITION, row))
     write_at(law.values, VELOCITY, read_at(plant.values, PLANT_VELOCITY, row))
     write_at(law.values, EFFORT, read_at(plant.values, PLANT_EFFORT, row))
@@ -254,7 +242,7 @@ def step_loop(instance: LoopInstance) -> int:
 @kernel
 def _refer(instance: LoopInstance) -> None:
     """Write the reference of the state that the law answers next."""
-    law, row = instance.law, instance.law.kept.state.held
+    law, row = instance.law, instance.law.state.held
     number = ROWS * len(row) + SAMPLE
     k = min(int(read_at(law.values, number, 0.0)), len(instance.position) - 1)
     write_at(law.values, REFERENCE, read_row(instance.position, k, row))

@@ -153,6 +153,9 @@ class BoxedType(types.Type):  # type: ignore[misc]
         return self.content
 
 
+WHOLE = 'value'  # what kernels call all fields of a Struct
+
+
 class StructType(BoxedType):
     """Numba's type of a Struct."""
 
@@ -216,16 +219,30 @@ class Boxed:
 class Struct(Boxed):
     """A tuple in memory whose fields kernels and Python write, by their names.
 
-    A field is a number, a vector, a tuple of such, an array, or another Struct; those of the last
-    two kinds stay what they are, and it is their elements and fields that change.
+    A field is a number, a vector, a tuple of such, an array, or something boxed; those of the last
+    two kinds stay what they are, and it is their elements and fields that change. All fields
+    together are its `value`, in kernels, too.
     """
 
     _type = StructType
 
     @property
     def value(self) -> Any:
-        """What lies in memory now, with the same arrays and structs."""
+        """What lies in memory now, with the same arrays and boxes."""
         return self._value if INTERPRETED else read_plain(self._record[0], self._value)
+
+    @value.setter
+    def value(self, new: Any) -> None:
+        for name, before, each in zip(self._value._fields, self._value, new, strict=True):
+            if not _lies_elsewhere(before):
+                setattr(self, name, each)
+
+    def __getattr__(self, name: str) -> Any:
+        """A field."""
+        if name.startswith('_') or INTERPRETED:
+            return super().__getattr__(name)
+        at = self._value._fields.index(name)
+        return read_plain(self._record[f'f{at}'][0], self._value[at])
 
     def __setattr__(self, name: str, new: Any) -> None:
         """Write a field."""
@@ -238,23 +255,25 @@ class Struct(Boxed):
 
     def copy(self) -> list[Any]:
         """All of it, for :meth:`restore`."""
-        return [each.copy() if _lies_elsewhere(each) else each for each in self.value]
+        return [
+            each.copy() if isinstance(each, np.ndarray | Struct) else each for each in self.value
+        ]
 
     def restore(self, copy: list[Any]) -> None:
         """Be as when a copy was made, of this or of one with the same types and sizes."""
         for name, each, saved in zip(self.value._fields, self.value, copy, strict=True):
             if isinstance(each, Struct):
                 each.restore(saved)
-            elif _lies_elsewhere(each):
-                each[:] = saved
-            else:
+            elif not _lies_elsewhere(each):
                 setattr(self, name, saved)
+            elif isinstance(each, np.ndarray):
+                each[:] = saved
 
 
 def _lies_elsewhere(value: Any) -> bool:
-    """Whether a Struct has but the address of a value that it changes."""
+    """Whether a Struct has but the address of a value."""
     is_array = isinstance(value, np.ndarray) and not isinstance(value, Vector)
-    return is_array or isinstance(value, Struct)
+    return is_array or isinstance(value, Boxed | FirstClass)
 
 
 def _plain(value: Any) -> Any:
@@ -329,7 +348,9 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
     def generic_resolve(self, kind: Any, name: str) -> Any:
         fields = getattr(kind.content, 'fields', ())
-        return kind.content[fields.index(name)] if name in fields else None
+        if name in fields:
+            return kind.content[fields.index(name)]
+        return kind.content if name == WHOLE and isinstance(kind, StructType) else None
 
 
 @lower_getattr_generic(BoxedType)
@@ -351,7 +372,9 @@ def _set_field(context: Any, builder: Any, signature: Any, values: Any, name: st
 def _place(context: Any, builder: Any, kind: Any, value: Any, name: str) -> tuple[Any, Any]:
     """Type of a field, and emit a pointer to it."""
     content = kind.content
-    at = content.fields.index(name)
     start = builder.bitcast(value, context.get_value_type(content).as_pointer())
+    if name not in content.fields:
+        return content, start
+    at = content.fields.index(name)
     place = [ir.Constant(ir.IntType(32), 0), ir.Constant(ir.IntType(32), at)]
     return content[at], builder.gep(start, place, inbounds=True)
