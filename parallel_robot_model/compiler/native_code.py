@@ -52,7 +52,7 @@ class Image(NamedTuple):
 def image_of(root: Boxed) -> Image:
     """Copy a boxed tuple, with the tuples, spaces and arrays that it reaches.
 
-    Texts are left out: kernels find empty ones.
+    Texts are left out: kernels find empty ones. What is empty has no address.
     """
     extents: dict[int, int] = {}  # size by address
     links: list[tuple[int, int]] = []
@@ -64,7 +64,7 @@ def image_of(root: Boxed) -> Image:
         if boxed.address in extents:
             continue
         whole = typeof(boxed.value)
-        extents[boxed.address] = max(_size(whole), POINTER)  # a law may remember nothing
+        extents[boxed.address] = _size(whole)
         for address, kind, value in leaves(boxed.value, whole, boxed.address):
             if isinstance(value, Boxed):
                 todo.append(value)
@@ -74,15 +74,13 @@ def image_of(root: Boxed) -> Image:
                 code += [(address, value), (address + CODE * POINTER, value)]
             elif isinstance(value, np.ndarray) and not isinstance(kind, VectorType):
                 links.append((address + DATA * POINTER, value.ctypes.data))
-                extents[value.ctypes.data] = max(
-                    value.nbytes, extents.get(value.ctypes.data, POINTER)
-                )
+                extents[value.ctypes.data] = max(value.nbytes, extents.get(value.ctypes.data, 0))
             elif isinstance(value, Space):
                 links.append((address, int(value)))
-                extents[int(value)] = max(value.floats.nbytes, extents.get(int(value), POINTER))
+                extents[int(value)] = max(value.floats.nbytes, extents.get(int(value), 0))
             elif isinstance(value, str):
                 cleared.append((address, _size(kind)))
-    blocks = _laid_out(extents)
+    blocks = _laid_out({address: size for address, size in extents.items() if size})
     content = bytearray(sum(blocks[-1][1:]))
     for address, size, place in blocks:
         content[place : place + size] = ctypes.string_at(address, size)
@@ -92,7 +90,7 @@ def image_of(root: Boxed) -> Image:
     return Image(
         bytes(content),
         _placed(blocks, root.address),
-        tuple((_placed(blocks, at), _placed(blocks, to)) for at, to in links),
+        tuple((_placed(blocks, at), _placed(blocks, to)) for at, to in links if extents[to]),
         tuple((_placed(blocks, at), kernel) for at, kernel in code),
         tuple(blocks),
     )
