@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_control.safety.limiting import SafeAction, safe_torque
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Space, inner, kernel, read_at, select, vector, write_at
+from parallel_robot_model.compiler import inner, kernel, read_row, select, vector, write_row
 from parallel_robot_model.configuration.hazards import KINDS, Hazard
 
 # What the motors do while no command comes: hold the last one, then take their safe action.
@@ -78,11 +78,10 @@ class Hazards(NamedTuple):
     """Hazards as the kernels take them; of several at a time, the later ones act on top."""
 
     on: bool  # whether there are any; if not, none of the rest is looked at
-    number: int = 0  # how many
-    table: int = 0  # address of a row of COLUMNS numbers for each
-    # address of vectors of shape (n,): for each at its PLACE first a mask, 1 for the joints
-    # that it is about, then what it keeps of the states
-    memory: int = 0
+    table: Array = np.zeros((0, COLUMNS))  # a row for each
+    # rows of shape (n,): for each at its PLACE first a mask, 1 for the joints that it is about,
+    # then what it keeps of the states
+    memory: Array = np.zeros((0, 0))
 
 
 def table_of(hazards: Sequence[Hazard], joints: Sequence[str], period: float) -> Hazards:
@@ -98,28 +97,23 @@ def table_of(hazards: Sequence[Hazard], joints: Sequence[str], period: float) ->
         if late:
             rows[-1][SIZE] = round(hazard.size / period)
         place += 1 + KEPT * (int(rows[-1][SIZE]) + 1 if late else 1)
-    table, memory = Space(COLUMNS * len(rows)), Space(place * len(joints))
-    table.floats.reshape(-1, COLUMNS)[:] = rows
+    memory = np.zeros((place, len(joints)))
     for place, mask in masks.items():
-        memory.floats.reshape(-1, len(joints))[place] = mask
-    return Hazards(True, len(rows), table, memory)
-
-
-@inner
-def _at(hazards: Any, k: int, column: int) -> int:
-    return int(read_at(hazards.table, COLUMNS * k + column, 0.0))
+        memory[place] = mask
+    return Hazards(True, np.array(rows, np.float64), memory)
 
 
 @inner
 def _kind(hazards: Any, k: int, sample: int) -> int:
     """Kind of a hazard if it acts at a sample, else -1."""
-    acts = _at(hazards, k, BEGIN) <= sample < _at(hazards, k, END)
-    return select(acts, _at(hazards, k, KIND), -1)
+    table = hazards.table
+    return select(table[k, BEGIN] <= sample < table[k, END], int(table[k, KIND]), -1)
 
 
 @inner
-def _size(hazards: Any, k: int) -> float:
-    return read_at(hazards.table, COLUMNS * k + SIZE, 0.0)
+def _mask(hazards: Any, k: int, like: Array) -> Array:
+    """1 for the joints that a hazard is about, else 0, of the type of `like`."""
+    return read_row(hazards.memory, int(hazards.table[k, PLACE]), like)
 
 
 @kernel
@@ -140,22 +134,21 @@ def told(
     Returns:
         Angles, rates and torques.
     """
-    for k in range(hazards.number):
-        kind, size = _kind(hazards, k, sample), _size(hazards, k)
-        place = _at(hazards, k, PLACE)
-        here, kept = read_at(hazards.memory, place, position) > 0.0, place + 1
+    for k in range(len(hazards.table)):
+        kind, size = _kind(hazards, k, sample), hazards.table[k, SIZE]
+        here, kept = _mask(hazards, k, position) > 0.0, int(hazards.table[k, PLACE]) + 1
         if kind == STATES_LATE:
             depth = int(size) + 1
             _keep(hazards, kept + KEPT * (sample % depth), position, velocity, effort)
             oldest = kept + KEPT * ((sample + 1) % depth)
-            position = read_at(hazards.memory, oldest, position)
-            velocity = read_at(hazards.memory, oldest + 1, velocity)
-            effort = read_at(hazards.memory, oldest + 2, effort)
+            position = read_row(hazards.memory, oldest, position)
+            velocity = read_row(hazards.memory, oldest + 1, velocity)
+            effort = read_row(hazards.memory, oldest + 2, effort)
         elif kind in (STATES_FROZEN, ENCODER_FROZEN):
-            if sample == _at(hazards, k, BEGIN):
+            if sample == hazards.table[k, BEGIN]:
                 _keep(hazards, kept, position, velocity, effort)
-            position = select(here, read_at(hazards.memory, kept, position), position)
-            still = read_at(hazards.memory, kept + 1, velocity)
+            position = select(here, read_row(hazards.memory, kept, position), position)
+            still = read_row(hazards.memory, kept + 1, velocity)
             still = select(kind == ENCODER_FROZEN, np.zeros_like(still), still)
             velocity = select(here, still, velocity)
         elif kind == ENCODER_JUMP:
@@ -169,9 +162,9 @@ def told(
 
 @inner
 def _keep(hazards: Any, place: int, position: Array, velocity: Array, effort: Array) -> None:
-    write_at(hazards.memory, place, position)
-    write_at(hazards.memory, place + 1, velocity)
-    write_at(hazards.memory, place + 2, effort)
+    write_row(hazards.memory, place, position)
+    write_row(hazards.memory, place + 1, velocity)
+    write_row(hazards.memory, place + 2, effort)
 
 
 @inner
@@ -187,13 +180,13 @@ def commanded(
         command: The newest one that was sent [N m], shape (n,).
         before: What the motors knew before.
     """
-    for k in range(hazards.number):
+    for k in range(len(hazards.table)):
         kind = _kind(hazards, k, sample)
-        mask = read_at(hazards.memory, _at(hazards, k, PLACE), command)
+        mask = _mask(hazards, k, command)
         if kind in (COMMANDS_LOST, PLANT_PAUSED, CONTROLLER_PAUSED, CONTROLLER_RESTARTED):
             arrived, command = False, before.command
         elif kind == STRANGER:
-            arrived, command = True, _size(hazards, k) * mask
+            arrived, command = True, hazards.table[k, SIZE] * mask
     return arrived, command
 
 
@@ -206,9 +199,9 @@ def limited(hazards: Any, sample: int, limit: Array) -> Array:
         sample: Index of the sample at which the period begins.
         limit: The same without hazards [N m], shape (n,).
     """
-    for k in range(hazards.number):
-        kind, size = _kind(hazards, k, sample), _size(hazards, k)
-        mask = read_at(hazards.memory, _at(hazards, k, PLACE), limit)
+    for k in range(len(hazards.table)):
+        kind, size = _kind(hazards, k, sample), hazards.table[k, SIZE]
+        mask = _mask(hazards, k, limit)
         if kind == MOTORS_CLIPPED:
             limit = select(limit < size, limit, size)
         elif kind in (MOTORS_OFF, MOTOR_DEAD, BRAKES):
@@ -220,6 +213,6 @@ def limited(hazards: Any, sample: int, limit: Array) -> Array:
 def braked(hazards: Any, sample: int) -> bool:
     """Whether brakes hold the robot over the period after a sample."""
     braked = False
-    for k in range(hazards.number):
+    for k in range(len(hazards.table)):
         braked = braked or _kind(hazards, k, sample) == BRAKES
     return braked

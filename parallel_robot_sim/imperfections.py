@@ -10,7 +10,6 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import Space
 from parallel_robot_model.configuration.fields import Field, PerJoint, check
 from parallel_robot_model.robots.joint_load import FrictionParameters
 
@@ -186,6 +185,9 @@ class LoadParameters(NamedTuple):
     ripple_periods: Annotated[float, Field('', 'of it in a turn, or in 2 pi m of a slide', 0.0)]
 
 
+NOTHING = np.zeros(0)  # in place of a memory that is not made yet
+
+
 class Imperfections(NamedTuple):
     """All of them, as the kernels take them."""
 
@@ -197,13 +199,14 @@ class Imperfections(NamedTuple):
     actuator: ActuatorParameters  # what the motors make of the commands
     load: LoadParameters  # disturbances
     drive: Drive  # gears and bristles
-    memory: int = 0  # address of the space for what the plant remembers, see noise_and_delay.py
-    draws: int = 0  # address of the space for random numbers
+    # what the plant remembers, see noise_and_delay.py, and room for random numbers, shape (n,)
+    memory: Array = NOTHING
+    draws: Array = NOTHING
 
     def with_memory(self, like: Array) -> Imperfections:
-        """The same with space of their own for vectors as `like`, shape (n,)."""
+        """The same with memory of their own for vectors as `like`, shape (n,)."""
         rows = KINDS * (self.depth + 2) if self.on else 0
-        return self._replace(memory=Space(rows * like.size), draws=Space(like.size))
+        return self._replace(memory=np.zeros((rows, like.size)), draws=np.zeros(like.size))
 
 
 def imperfections(

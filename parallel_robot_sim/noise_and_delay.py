@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, read_at, select, write_at
+from parallel_robot_model.compiler import inner, kernel, read_row, select, write_row
 
 # Random numbers by counter: each follows from seed, sample and stream, so there is no state.
 #
@@ -51,19 +51,19 @@ def normal(seed: float, sample: int, place: int) -> float:
 
 
 @inner
-def normals(seed: float, sample: int, stream: int, draws: int, like: Array) -> Array:
+def normals(seed: float, sample: int, stream: int, draws: Array, like: Array) -> Array:
     """Standard normal numbers, one an element, of the type of `like`.
 
     Args:
         seed: Seed of the run.
         sample: Index of the sample.
         stream: What the numbers are for.
-        draws: Address of space for as many numbers as `like` has, which is overwritten.
+        draws: Room for as many numbers as `like` has, an array, which is overwritten.
         like: Any vector, shape (n,).
     """
     for i in range(len(like)):
-        write_at(draws, i, normal(seed, sample, stream * _PLACES + i))
-    return read_at(draws, 0, like)
+        draws[i] = normal(seed, sample, stream * _PLACES + i)
+    return read_row(draws, 0, like)
 
 
 @inner
@@ -72,7 +72,7 @@ def whole_number(seed: float, sample: int, stream: int, largest: float) -> float
     return np.floor(uniform(seed, sample, stream * _PLACES) * (largest + 1.0))
 
 
-# What an imperfect plant remembers of its last samples: vectors in a space that wraps around.
+# What an imperfect plant remembers of its last samples: rows that wrap around.
 #
 # The index of the sample alone says what is read and written where, so a step that is done again
 # leaves the same behind, and a new run needs no clearing.
@@ -93,14 +93,14 @@ def sample_at(time: float, period: float) -> int:
 def recall(setup: Any, kind: int, sample: int, like: Array) -> Array:
     """A vector of one of the last samples, of the type of `like`."""
     size = setup.imperfections.depth + 2
-    return read_at(setup.imperfections.memory, kind * size + sample % size, like)
+    return read_row(setup.imperfections.memory, kind * size + sample % size, like)
 
 
 @inner
 def remember(setup: Any, kind: int, sample: int, value: Array) -> None:
     """Keep a vector of a sample."""
     size = setup.imperfections.depth + 2
-    write_at(setup.imperfections.memory, kind * size + sample % size, value)
+    write_row(setup.imperfections.memory, kind * size + sample % size, value)
 
 
 @inner
