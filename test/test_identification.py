@@ -74,8 +74,26 @@ def excited():
     return motion()
 
 
+def run_of(recorded):
+    """The motion of a recording, of motors without limits."""
+    joints = [f'joint{k + 1}' for k in range(recorded.position.shape[1])]
+    stamps = np.rint(1e9 * recorded.time).astype(np.int64)
+    log = SimpleNamespace(joints=joints, units=HINGES, stamps=stamps, **vars(recorded))
+    return motion_of(log, (), np.full(len(joints), np.inf))
+
+
+def held(case, joints):
+    """A recording in which a load rests on joints that stand."""
+    assert not np.ptp(case.recording.position[:, joints], axis=0).any()
+    effort = case.recording.effort.copy()
+    effort[:, joints] = 1.0  # N m
+    return replaced(case, effort=effort)
+
+
 def identify(case, recorded=None, cutoff=CUTOFF):
-    return identified.identify(case.nominal, recorded or case.recording, cutoff)
+    recorded = recorded or case.recording
+    recorded = run_of(recorded) if isinstance(recorded, MeasuredMotion) else recorded
+    return identified.identify(case.nominal, recorded, cutoff)
 
 
 def noisy(case, rng, position=1e-5, torque=0.5):
@@ -133,13 +151,14 @@ def test_what_noise_leaves_and_what_no_inertias_explain(excited):
 
 def test_few_rows_have_the_squares_of_many_and_some_are_kept_evenly(excited, monkeypatch):
     robot, guess = excited.nominal.robot, excited.nominal.guess
-    base = regression_rows.base_of(excited.recording, robot, guess)
+    base = regression_rows.base_of(run_of(excited.recording), robot, guess)
     monkeypatch.setattr(measured_motion, 'LONGEST', 3000)
     monkeypatch.setattr(regression_rows, 'SOME', 100)
     some = regression_rows.SomeRows()
-    parts = [*some.seen(regression_rows.rows(excited.recording, robot, base, guess, 0.0, CUTOFF))]
+    rows = regression_rows.rows(run_of(excited.recording), robot, base, guess, 0.0, CUTOFF)
+    parts = [*some.seen(rows)]
     assert len(parts) == 5
-    squares, rows = least_squares.squares_of(parts), regression_rows.joined(parts)
+    squares, rows = least_squares.squares_of(parts), measured_motion.joined(parts)
     assert len(squares.Y) == 33 < len(rows.Y) == squares.count  # 3 joints by 10 parameters, and 3
     left = rows.torque - rows.Y @ (0.9 * TRUTH)
     direct = np.sqrt((left**2).sum(axis=0) / rows.known.sum(axis=0))
@@ -160,7 +179,7 @@ def test_the_nominal_values_do_not_matter(excited):
     nominal = identified.Nominal(
         robot._replace(parameters=wrong), excited.nominal.friction, excited.nominal.guess
     )
-    found = identified.identify(nominal, excited.recording, CUTOFF)
+    found = identified.identify(nominal, run_of(excited.recording), CUTOFF)
     assert np.abs(found.fit.values / TRUTH - 1.0).max() < 0.01
     chosen = found.robot.robot
     assert min(chosen.values()) > 0.0
@@ -174,13 +193,13 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
     begin = (part[:8000] for part in vars(excited.recording).values())
     begun = SimpleNamespace(recording=MeasuredMotion(*begin))
     robot, guess = excited.nominal.robot, excited.nominal.guess
-    base = regression_rows.base_of(excited.recording, robot, guess)
+    base = regression_rows.base_of(run_of(excited.recording), robot, guess)
     inertia = excited.nominal.inertia
     scale = base.scale(inertia, excited.nominal.friction)
     covered = np.zeros(len(TRUTH), int)
     for _ in range(100):
         recorded = noisy(begun, rng, 5e-5, 0.5)
-        rows = [*regression_rows.rows(recorded, robot, base, guess, 0.0, CUTOFF)]
+        rows = [*regression_rows.rows(run_of(recorded), robot, base, guess, 0.0, CUTOFF)]
         squares = least_squares.squares_of(rows)
         found = least_squares.estimate(squares, 0.9 * TRUTH, scale)
         uncertainty = least_squares.Uncertainty(found, squares, scale)
@@ -264,7 +283,8 @@ def test_joints_that_stand_still_have_no_part_in_the_choice():
     shape = {'trajectory.shape': 'excitation', 'excitation.cosine': [0.0] * 25}
     shape |= {'law': 'computed_torque', 'plant.initial_pose': [0.0] * 5}
     case = motion('axes_step', **shape, **{'excitation.sine': sine.tolist()})
-    found = identified.identify(case.nominal, case.recording, CUTOFF, hold_out=1.0 / 3.0)
+    recorded = run_of(held(case, [1, 2, 3]))
+    found = identified.identify(case.nominal, recorded, CUTOFF, hold_out=1.0 / 3.0)
     assert np.isnan(found.held_out.share[[1, 2, 3]]).all()
     assert (found.held_out.share[[0, 4]] < 0.01).all()
     json = readable.as_data(found, identified.compare(found), list('abcde'))
@@ -359,7 +379,7 @@ def test_what_a_motion_does_not_show_is_named_and_stays():
             'plant.initial_pose': center,
         },
     )
-    found = identify(case)
+    found = identify(case, held(case, [2]))
     unknown = {'inertia3', 'viscous3', 'coulomb3'}
     assert {name for name, _ in found.poor} == unknown
     for name, value, before in zip(found.base.names, found.fit.values, found.before, strict=True):
@@ -390,9 +410,9 @@ def test_torques_of_another_motion_are_predicted(excited):
     wrong = robot.parameters._replace(m1=4.0, m2=8.5)
     friction = excited.nominal.friction
     nominal = identified.Nominal(robot._replace(parameters=wrong), friction, excited.run.pose[0])
-    found = identified.identify(nominal, excited.recording, CUTOFF)
+    found = identified.identify(nominal, run_of(excited.recording), CUTOFF)
     circle = motion('paper_circle', **{'circle.rate': 4.0, 'circle.radius': 0.06})
-    result = identified.predict(found, circle.recording, circle.run.pose[0], CUTOFF)
+    result = identified.predict(found, run_of(circle.recording), circle.run.pose[0], CUTOFF)
     assert (result.error < 0.02 * result.size).all()
     assert (result.nominal_error > 3.0 * result.error).all()
 
@@ -532,7 +552,7 @@ def test_states_at_100_hz_take_the_default_bandwidth(excited):
         kept.time[::10] * (1.0 + 1e-7),
         *(rows[::10] for rows in (kept.position, kept.effort, kept.usable)),
     )
-    assert regression_rows.highest_cutoff(slow) < CUTOFF
+    assert regression_rows.highest_cutoff(run_of(slow)) < CUTOFF
     assert identify(excited, slow).squares.duration > 13.0
 
 
@@ -540,4 +560,4 @@ def test_a_robot_without_a_linear_model_is_refused(excited):
     robot = excited.nominal.robot._replace(name='mine', module=SimpleNamespace())
     nominal = identified.Nominal(robot, excited.nominal.friction, excited.nominal.guess)
     with pytest.raises(InputError, match='the robot mine cannot be identified'):
-        identified.identify(nominal, excited.recording, CUTOFF)
+        identified.identify(nominal, run_of(excited.recording), CUTOFF)

@@ -21,14 +21,10 @@ from parallel_robot.studies.estimation.fit import named_errors
 from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
 from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
 from parallel_robot.studies.identification.identified import Identified, Prediction
-from parallel_robot.studies.identification.measured_motion import RunMotion
+from parallel_robot.studies.identification.measured_motion import RunMotion, joined, rows_of
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.physical_robot import Bounds
-from parallel_robot.studies.identification.regression_rows import (
-    CUTOFF,
-    highest_cutoff,
-    joined,
-)
+from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
@@ -113,7 +109,7 @@ class Identification(WrittenResult):
         held, begin = None if self.validated else self.found.held_out, None
         if held:  # as it was predicted by the fit to what is before it
             begin = float(held.rows.time[0])
-            rows = rows.of(rows.time < begin)
+            rows = rows_of(rows, rows.time < begin)
             torque = np.concatenate([torque[: len(rows.time)], held.torque])
             rows = joined([rows, held.rows])
         units = self.found.nominal.robot.joint_units

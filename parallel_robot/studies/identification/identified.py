@@ -32,7 +32,7 @@ from parallel_robot.studies.identification.least_squares import (
     Uncertainty,
     Unexplained,
 )
-from parallel_robot.studies.identification.measured_motion import Begin, Motion
+from parallel_robot.studies.identification.measured_motion import RunMotion, rows_of
 from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import NOWHERE, At, Rows, SomeRows
 from parallel_robot.studies.identification.torque_constants import TorqueConstants
@@ -139,7 +139,7 @@ def nominal_of(log: RunLog) -> Nominal:
 
 def identify(
     nominal: Nominal,
-    motion: Motion,
+    motion: RunMotion,
     cutoff: float,
     bounds: Bounds | None = None,
     hold_out: float = 0.0,
@@ -162,8 +162,8 @@ def identify(
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     whole, held_out = _Regression(nominal, base, motion, cutoff), None
-    split = _split(motion, hold_out)
-    begin = whole._replace(motion=Begin(motion, split)) if hold_out else whole
+    split = motion.begin + (1.0 - hold_out) * motion.duration
+    begin = whole._replace(motion=motion.before(split)) if hold_out else whole
     try:
         choice, fitted = _choice(begin)
     except BagError:
@@ -175,7 +175,9 @@ def identify(
         robot = fitted.robot(bounds)
         after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
         of_whole = fitted.regression._replace(motion=motion)
-        parts = [part.of(part.time > after) for part in of_whole.predicted(fitted.delay, robot)]
+        parts = [
+            rows_of(part, part.time > after) for part in of_whole.predicted(fitted.delay, robot)
+        ]
         known = [part for part in parts if part.known.any()]
         held_out = _compared(robot.values, of_whole.before, known) if known else None
         fitted = _fit(whole.with_friction(choice.columns))
@@ -201,14 +203,9 @@ def identify(
     )
 
 
-def _split(motion: Motion, hold_out: float) -> float:
-    """Where the part of a motion begins that is held out [s]."""
-    return float(next(motion.windows()).time[0] + (1.0 - hold_out) * motion.duration)
-
-
 def find_torque_constants(
     nominal: Nominal,
-    motion: Motion,
+    motion: RunMotion,
     cutoff: float,
     joints: Sequence[str],
     given: Array,
@@ -232,15 +229,16 @@ def find_torque_constants(
     columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)
     speed = friction_choice.usual_speed(motion.speed)
     base = base.with_friction([*columns, *columns_of(['stribeck'], base.joints, speed)])
-    begin = Begin(motion, _split(motion, hold_out)) if hold_out else motion
-    regression = _Regression(nominal, base, begin, cutoff)
+    if hold_out:
+        motion = motion.before(motion.begin + (1.0 - hold_out) * motion.duration)
+    regression = _Regression(nominal, base, motion, cutoff)
     bodies = regression.before[: len(base.inertias)]
     return torque_constants.find(
         joints, lambda: regression.rows(NOWHERE), bodies, regression.scale, given
     )
 
 
-def predict(found: Identified, motion: Motion, guess: Array, cutoff: float) -> Prediction:
+def predict(found: Identified, motion: RunMotion, guess: Array, cutoff: float) -> Prediction:
     """Predict the torques of a run by the physical robot.
 
     Args:
@@ -357,7 +355,7 @@ class _Regression(NamedTuple):
 
     nominal: Nominal
     base: BaseParameters
-    motion: Motion
+    motion: RunMotion
     cutoff: float
 
     @property

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,8 @@ NOTHING = 1e-9  # N m, by which torques that are one differ
 WRAPPED = 0.75 * TURN  # rad, a step that is one of a whole turn
 SPAN = 0.1  # s over which its rate is taken, so that noise does not count as motion
 
+Part = TypeVar('Part')
+
 
 @dataclass(frozen=True)
 class MeasuredMotion:
@@ -36,39 +39,17 @@ class MeasuredMotion:
     position: Array  # measured joints [rad], shape (N, n)
     effort: Array  # torque in the step that ended at the stamp [N m], shape (N, n)
     usable: NDArray[np.bool_]  # whether the torque of that step is known and meant, shape (N,)
-    left_out: tuple[str, ...] = ()  # what is not usable, one line each
 
-    @property
-    def period(self) -> float:
-        """Time between two samples [s]."""
-        return float(np.median(np.diff(self.time)))
 
-    @property
-    def speed(self) -> Array:
-        """rms of the rate of each joint [rad/s], shape (n,)."""
-        speed = _Speed(self.period)
-        speed.add(self)
-        return speed.rms()
+def rows_of(part: Part, some: slice | NDArray[np.bool_]) -> Part:
+    """Some rows of a dataclass of arrays, of which each has a row for each time."""
+    return type(part)(*(each[some] for each in vars(part).values()))
 
-    @property
-    def duration(self) -> float:
-        """Time between the first sample and the last one [s]."""
-        return float(self.time[-1] - self.time[0])
 
-    @property
-    def count(self) -> int:
-        """How many samples are usable."""
-        return int(self.usable.sum())
-
-    def windows(self) -> Iterator[MeasuredMotion]:
-        """All of it, at once."""
-        yield self
-
-    def rows(self, some: slice | NDArray[np.bool_]) -> MeasuredMotion:
-        """Some of the samples."""
-        return MeasuredMotion(
-            self.time[some], self.position[some], self.effort[some], self.usable[some]
-        )
+def joined(parts: Sequence[Part]) -> Part:
+    """Such parts that follow each other as one."""
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return type(parts[0])(*map(np.concatenate, columns))
 
 
 class RunMotion:
@@ -95,45 +76,48 @@ class RunMotion:
             BagError: no torque was recorded, none can be used, or the robot did not move.
             InputError: there is no room to keep it.
         """
-        # as of :class:`MeasuredMotion`, like the others
-        self.period, self._kept = period, KeptParts('the motion')
-        self._statuses, self._limit, self._zero = statuses, torque_limit, zero
-        states, self.count, self.duration, self._wrapped = 0, 0, 0.0, False
+        self.period, self._kept, self._stop = period, KeptParts('the motion'), np.inf
+        self.count = 0  # samples that are usable
         bad = {'after a fault': 0, SATURATION: 0}
-        most, level = np.zeros(len(torque_limit)), np.zeros((0, len(torque_limit)))
-        varies = np.zeros(len(torque_limit), bool)
-        speed, begin, last = _Speed(period), None, np.inf
-        changes = again = 0
-        gaps: list[float] = []
+        most, varies = np.zeros(len(torque_limit)), np.zeros(len(torque_limit), bool)
+        before = level = np.zeros((0, len(torque_limit)))
+        speed, times, newest = _Speed(period), np.zeros(0), FIRST
+        states, gaps = 0, np.zeros(0)
+        changes, again, wrapped = 0, 0, False
         joints: tuple[str, ...] = ()
         units: JointUnits = HINGES
-
-        def noted() -> Iterator[RunLog]:
-            nonlocal joints, units
-            for log in windows:
-                joints, units = log.joints, log.units
-                yield log
-
-        for motion, faulted in self._parts(noted()):
-            begin = motion.time[0] if begin is None else begin
-            steps = np.diff(motion.time, prepend=last)
-            gaps += steps[steps > GAP * period].tolist()
-            last = motion.time[-1]
-            self.duration = float(motion.time[-1] - begin)
-            states, self.count = states + len(motion.time), self.count + motion.count
+        for log in windows:
+            joints, units, stamps = log.joints, log.units, log.stamps
+            newest_before = np.maximum.accumulate(np.append(newest, stamps))
+            newer, newest = stamps > newest_before[:-1], newest_before[-1]
+            if not newer.any():
+                continue
+            some = slice(None) if newer.all() else newer  # copies nothing
+            time, effort = log.time[some], log.effort[some]
+            position, leaps = _unwrapped(np.vstack([before, log.position[some] - zero]), units)
+            position, wrapped = position[len(before) :], wrapped or leaps
+            before = position[-1:]
+            faulted = _faulted(stamps[some], statuses)
+            saturated = ~faulted & (np.abs(effort) >= SATURATED * torque_limit).any(axis=1)
+            motion = MeasuredMotion(time, position, effort, ~(faulted | saturated))
+            steps = np.diff(np.append(times[1:], time))
+            gaps = np.append(gaps, steps[steps > GAP * period])
+            times = np.array([times[0] if states else time[0], time[-1]])
+            states, self.count = states + len(time), self.count + int(motion.usable.sum())
             bad['after a fault'] += int(faulted.sum())
-            bad[SATURATION] += int((~motion.usable & ~faulted).sum())
-            level = level if len(level) else motion.effort[:1]
-            varies |= (np.abs(motion.effort - level) > NOTHING).any(axis=0)
-            changed = (np.diff(motion.position, axis=0) != 0.0).any(axis=1)
+            bad[SATURATION] += int(saturated.sum())
+            level = level if len(level) else effort[:1]
+            varies |= (np.abs(effort - level) > NOTHING).any(axis=0)
+            changed = (np.diff(position, axis=0) != 0.0).any(axis=1)
             changes += int(changed.sum())
             again += int((changed[1:] & changed[:-1]).sum())
-            most = np.maximum(most, np.abs(motion.effort).max(axis=0))
+            most = np.maximum(most, np.abs(effort).max(axis=0))
             speed.add(motion)
-            self._kept.add(motion.time, motion.position, motion.effort, motion.usable)
+            self._kept.add(*vars(motion).values())
         if states < 2:
             raise BagError('it holds a single joint state')
-        self.speed = speed.rms()
+        self.begin, self.duration = float(times[0]), float(times[1] - times[0])  # [s]
+        self.speed = speed.rms()  # rms of the rate of each joint [rad/s], shape (n,)
         none = (np.abs(level[0]) <= NOTHING) & ~varies
         stuck = none | (~varies & (self.speed >= STILL))
         if stuck.any():
@@ -150,73 +134,38 @@ class RunMotion:
             unit = units.one(k).of('N m')
             told = f'efforts reach {most[k]:.4g} {unit}, more than plant.torque_limit'
             beyond = f' ({told}, {torque_limit[k]:g} {unit}: are they in {unit}?)'
-        self.left_out = tuple(
+        left_out = [
             f'{n * period:.3g} s: {what}{beyond if what == SATURATION else ""}'
             for what, n in bad.items()
             if n
-        )
-        if gaps:
+        ]
+        if len(gaps):
             many = f'{len(gaps)} gaps' if len(gaps) > 1 else 'a gap'
-            self.left_out += (f'{sum(gaps):.3g} s: {many} between states',)
+            left_out.append(f'{sum(gaps):.3g} s: {many} between states')
+        self.left_out = tuple(left_out)  # what is not usable, one line each
         if not self.count:
-            raise BagError(f'none of it can be used: {"; ".join(self.left_out)}')
+            raise BagError(f'none of it can be used: {"; ".join(left_out)}')
         self.doubts = []
-        if self._wrapped:
+        if wrapped:
             self.doubts.append('joints leap by a whole turn: leaps are taken out')
         if 2 * again < changes:
             what = f'positions change in {changes} of {states} states'
             self.doubts.append(f'{what}: were they measured less often than they are told?')
 
+    def before(self, stop: float) -> RunMotion:
+        """What of it is before a time [s]; its figures stay those of the whole."""
+        part = copy.copy(self)
+        part._stop = stop
+        return part
+
     def windows(self) -> Iterator[MeasuredMotion]:
         """Parts that follow each other, from the first one on each time."""
-        for time, position, effort, usable in self._kept:
-            yield MeasuredMotion(time, position, effort, usable)
-
-    def _parts(self, logs: Iterator[RunLog]) -> Iterator[tuple[MeasuredMotion, NDArray[np.bool_]]]:
-        """Motion in each window, and which of its states were in a fault."""
-        newest, before = FIRST, np.zeros((0, len(self._limit)))
-        for log in logs:
-            stamps = log.stamps
-            newest_before = np.maximum.accumulate(np.append(newest, stamps))
-            newer = stamps > newest_before[:-1]
-            newest = newest_before[-1]
-            if not newer.any():
-                continue
-            chosen = slice(None) if newer.all() else newer  # copies nothing
-            effort = log.effort[chosen]
-            faulted = _faulted(stamps[chosen], self._statuses)
-            saturated = (np.abs(effort) >= SATURATED * self._limit).any(axis=1)
-            both = np.vstack([before, log.position[chosen] - self._zero])
-            position = self._unwrapped(both, log.units)[len(before) :]
-            before = position[-1:]
-            usable = ~(faulted | saturated)
-            yield MeasuredMotion(log.time[chosen], position, effort, usable), faulted
-
-    def _unwrapped(self, position: Array, units: JointUnits) -> Array:
-        """Positions whose hinges do not leap by a whole turn."""
-        hinges = ~np.array(units.slides or (False,) * position.shape[1])
-        if not (hinges & (np.abs(np.diff(position, axis=0)) > WRAPPED)).any():
-            return position
-        self._wrapped = True
-        return np.where(hinges, np.unwrap(position, WRAPPED, axis=0), position)
-
-
-@dataclass(frozen=True)
-class Begin:
-    """What of a motion is before a time."""
-
-    whole: Motion
-    stop: float  # the time [s]
-
-    def __getattr__(self, name: str) -> Any:
-        """Period, speed and what is left out, of the whole; `count` and `duration` likewise."""
-        return getattr(self.whole, name)
-
-    def windows(self) -> Iterator[MeasuredMotion]:
-        """Parts that follow each other."""
-        for window in self.whole.windows():
-            if window.time[0] < self.stop:
-                yield window.rows(window.time < self.stop)
+        for columns in self._kept:
+            part = MeasuredMotion(*columns)
+            if part.time[-1] < self._stop:
+                yield part
+            elif part.time[0] < self._stop:
+                yield rows_of(part, part.time < self._stop)
 
 
 class _Speed:
@@ -224,15 +173,15 @@ class _Speed:
 
     def __init__(self, period: float) -> None:
         self._step = max(1, round(SPAN / period)) if period > 0.0 else 1
-        self._last: MeasuredMotion | None = None
+        self._last: list[MeasuredMotion] = []
         self._squares: Array | float = 0.0
         self._count = 0
 
     def add(self, motion: MeasuredMotion) -> None:
         """Take the next window."""
-        motion = motion if self._last is None else joined(self._last, motion)
+        motion = joined([*self._last, motion])
         self._take(motion, self._step)
-        self._last = motion.rows(slice(-self._step, None))
+        self._last = [rows_of(motion, slice(-self._step, None))]
 
     def _take(self, motion: MeasuredMotion, step: int) -> None:
         way = motion.position[step:] - motion.position[:-step]
@@ -242,31 +191,20 @@ class _Speed:
 
     def rms(self) -> Array:
         """The speed, shape (n,)."""
-        if not self._count and self._last is not None:  # shorter than SPAN
-            self._take(self._last, len(self._last.time) - 1)
+        if not self._count:  # shorter than SPAN
+            self._take(self._last[0], len(self._last[0].time) - 1)
         return np.sqrt(self._squares / self._count)
 
 
-def joined(first: MeasuredMotion, second: MeasuredMotion) -> MeasuredMotion:
-    """A part of a motion and the next one."""
-    return MeasuredMotion(
-        np.concatenate([first.time, second.time]),
-        np.concatenate([first.position, second.position]),
-        np.concatenate([first.effort, second.effort]),
-        np.concatenate([first.usable, second.usable]),
-    )
-
-
-def stretches(motion: Motion, shortest: int) -> Iterator[MeasuredMotion]:
+def stretches(motion: RunMotion, shortest: int) -> Iterator[MeasuredMotion]:
     """Parts of a motion without gaps that can be used, each at least `shortest` samples long."""
     longest = GAP * motion.period
-    kept: MeasuredMotion | None = None
+    kept: list[MeasuredMotion] = []
     for window in motion.windows():
-        *whole, last = _unbroken(window if kept is None else joined(kept, window), longest)
+        *whole, last = _unbroken(joined([*kept, window]), longest)
         yield from (part for part in whole if len(part.time) >= shortest)
-        kept = last
-    if kept is not None and len(kept.time) >= shortest:
-        yield kept
+        kept = [last]
+    yield from (part for part in kept if len(part.time) >= shortest)
 
 
 def _unbroken(motion: MeasuredMotion, longest: float) -> list[MeasuredMotion]:
@@ -282,8 +220,16 @@ def _unbroken(motion: MeasuredMotion, longest: float) -> list[MeasuredMotion]:
     for begin, end in zip([0, *edges], [*edges, len(broken)], strict=True):
         first = begin if begin == end or motion.usable[begin] else begin + 1
         cuts = [*range(first, max(end, first + 1), LONGEST), end]
-        found += [motion.rows(slice(*pair)) for pair in itertools.pairwise(cuts)]
+        found += [rows_of(motion, slice(*pair)) for pair in itertools.pairwise(cuts)]
     return found
+
+
+def _unwrapped(position: Array, units: JointUnits) -> tuple[Array, bool]:
+    """Positions whose hinges do not leap by a whole turn, and whether they did."""
+    hinges = ~np.array(units.slides or (False,) * position.shape[1])
+    if not (hinges & (np.abs(np.diff(position, axis=0)) > WRAPPED)).any():
+        return position, False
+    return np.where(hinges, np.unwrap(position, WRAPPED, axis=0), position), True
 
 
 def _faulted(stamps: NDArray[np.int64], statuses: Sequence[ControllerStatus]) -> NDArray[np.bool_]:
@@ -293,6 +239,3 @@ def _faulted(stamps: NDArray[np.int64], statuses: Sequence[ControllerStatus]) ->
     begins = np.array([status.stamp for status in statuses])
     faulted = np.array([False, *(status.fault != NO_FAULT for status in statuses)])
     return faulted[np.searchsorted(begins, stamps, side='right')]
-
-
-Motion: TypeAlias = MeasuredMotion | RunMotion | Begin

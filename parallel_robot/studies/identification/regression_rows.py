@@ -12,7 +12,7 @@ Source:
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -31,7 +31,9 @@ from parallel_robot.studies.identification.base_parameters import (
 from parallel_robot.studies.identification.measured_motion import (
     STILL,
     MeasuredMotion,
-    Motion,
+    RunMotion,
+    joined,
+    rows_of,
     stretches,
 )
 from parallel_robot_model.common.errors import BagError, InputError, KinematicsError
@@ -70,10 +72,6 @@ class Rows:
             return 0.0
         return float(np.median(np.diff(self.time)) * len(self.time))
 
-    def of(self, some: slice | NDArray[np.bool_]) -> Rows:
-        """Some of the rows."""
-        return Rows(*(getattr(self, name)[some] for name in Rows.__annotations__))
-
     def first(self, parameters: int) -> Rows:
         """The same without the parameters after so many."""
         return replace(self, Y=self.Y[..., :parameters])
@@ -90,11 +88,11 @@ class SomeRows:
         """The same parts, which are looked at as they pass."""
         for part in parts:
             yield part
-            chosen = part.of(slice(-self._count % self._every, None, self._every))
+            chosen = rows_of(part, slice(-self._count % self._every, None, self._every))
             self._parts.append(joined([chosen]))  # a copy, or all of the part stays
             self._count, self._kept = self._count + len(part.time), self._kept + len(chosen.time)
             while self._kept > SOME:
-                self._parts = [self.whole().of(slice(None, None, 2))]
+                self._parts = [rows_of(self.whole(), slice(None, None, 2))]
                 self._every, self._kept = 2 * self._every, len(self._parts[0].time)
 
     def whole(self) -> Rows:
@@ -114,7 +112,7 @@ NOWHERE = At()
 
 
 def rows(
-    motion: Motion,
+    motion: RunMotion,
     robot: RobotModel,
     base: BaseParameters,
     guess: Array,
@@ -164,7 +162,7 @@ def rows(
         pieces = []
         for first in range(0, len(pose) - taps + 1, BLOCK * every):
             some = slice(first, first + (BLOCK - 1) * every + taps)
-            piece = smooth.rows(some)
+            piece = rows_of(smooth, some)
             moved = piece.position, piece.velocity, piece.acceleration
             inertia = model.regressor(robot.parameters, pose[some], *moved)[..., list(base.kept)]
             friction = _friction(piece, inertia, base, at.values, smoothing, period)
@@ -183,19 +181,12 @@ def rows(
         )
 
 
-def joined(parts: Sequence[Rows]) -> Rows:
-    """Rows that follow each other."""
-    return Rows(
-        *(np.concatenate([getattr(one, name) for one in parts]) for name in Rows.__annotations__)
-    )
-
-
-def highest_cutoff(motion: Motion) -> float:
+def highest_cutoff(motion: RunMotion) -> float:
     """Highest bandwidth for the rate of a recording [Hz]."""
     return 1.0 / (RATIO * motion.period)
 
 
-def base_of(motion: Motion, robot: RobotModel, guess: Array) -> BaseParameters:
+def base_of(motion: RunMotion, robot: RobotModel, guess: Array) -> BaseParameters:
     """Base parameters of a robot at the positions of a recording; `guess` as in :func:`rows`.
 
     Raises:
@@ -217,10 +208,6 @@ class _Smooth:
     velocity: Array
     acceleration: Array
     torque: Array
-
-    def rows(self, some: slice) -> _Smooth:
-        """Some samples."""
-        return _Smooth(*(getattr(self, name)[some] for name in _Smooth.__annotations__))
 
 
 def _smoothed(
