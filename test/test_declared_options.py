@@ -124,8 +124,8 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.cli.commands.verify.verify',
     'parallel_robot.cli.commands.fmu.unit',
     'parallel_robot.cli.commands.fmu.ros2_package',
-    'parallel_robot.studies.identification.design.design',
-    'parallel_robot.studies.calibration.design.choose',
+    'parallel_robot.studies.identification.design.Excitation',
+    'parallel_robot.studies.calibration.design.nominal_of',
     'parallel_robot.live.command.NodeProcesses',
     'os.nice',  # the page begins to serve
 )

@@ -188,11 +188,7 @@ def design(
     """
     count = check('--design', int, Field('', '', 2, MOST), count)
     seed = check('--seed', int, Field('', '', 0, 2**63 - 1), seed)
-    return choose(resolve(scenario, changes), count, free, seed)
-
-
-def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: int) -> Designed:
-    """Choose poses of the robot of a resolved configuration, see :func:`design`."""
+    values = resolve(scenario, changes)
     robot, centre = nominal_of(values)
     trajectory = trajectory_of(values)
     poses = np.vstack((centre, candidates(trajectory, centre, CANDIDATES, seed)))
@@ -202,8 +198,8 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     measured = MeasuredPoses(time, tuple(range(poses.shape[1])), poses)
     track = JointTrack(time, position + known(values))
     model = PoseModel(robot, joints, track, measured, poses, known(values), free)
-    slopes, of_robot = _slopes(model), model.zeros.stop
-    size = slopes.shape[-1]
+    size = len(model.start) - 1  # without the clock
+    slopes = model.slopes(model.start, (size,))[:, :, :size] / model.noise[:, np.newaxis]
     flat = slopes.reshape(-1, size) * model.told[:size]
     kept, _ = least_squares.kept_values(flat, model.preference[:size])
     told = [k for k in range(size) if k not in kept]
@@ -216,7 +212,7 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     chosen = _exchanged(J, _greedy(J, count))
     rng = np.random.default_rng(seed)
     columns = measured.columns[: robot.place or None]
-    robots = [k for k, each in enumerate(told) if each < of_robot]
+    robots = [k for k, each in enumerate(told) if each < model.zeros.stop]
     others = [rng.choice(len(J), count, replace=False) for _ in range(RANDOM)]
     error, *at_random = (
         _error(J, rows, model.noise, robots, columns) for rows in (chosen, *others)
@@ -237,32 +233,25 @@ def choose(values: Mapping[str, Any], count: int, free: Collection[str], seed: i
     )
 
 
-def _slopes(model: PoseModel) -> Array:
-    """Derivatives of the poses over their noise, without those by the clock, shape (N, k, P)."""
-    clock = len(model.start) - 1
-    slopes = model.slopes(model.start, (clock,)) / model.noise[:, np.newaxis]
-    return np.asarray(slopes[:, :, :clock])
-
-
 def _information(J: Array, rows: Any) -> Array:
     """Information of some poses, with a trace of some that is known before, shape (P, P)."""
     found = np.einsum('nkp,nkq->pq', J[rows], J[rows])
     return np.asarray(found + np.eye(J.shape[2]))
 
 
-def _gains(J: Array, information: Array) -> Array:
-    """By how much each pose increases the logarithm of its determinant, shape (N,)."""
-    of = J @ np.linalg.inv(information) @ J.swapaxes(1, 2)
-    return np.asarray(np.linalg.slogdet(np.eye(J.shape[1]) + of)[1])
+def _gains(J: Array, chosen: list[int]) -> Array:
+    """By how much each other pose increases the logarithm of the determinant, shape (N,)."""
+    of = J @ np.linalg.inv(_information(J, chosen)) @ J.swapaxes(1, 2)
+    gains = np.asarray(np.linalg.slogdet(np.eye(J.shape[1]) + of)[1])
+    gains[chosen] = -math.inf
+    return gains
 
 
 def _greedy(J: Array, count: int) -> list[int]:
     """Poses chosen one after another, each the best beside those before."""
     chosen: list[int] = []
     for _ in range(count):
-        gains = _gains(J, _information(J, chosen))
-        gains[chosen] = -math.inf
-        chosen.append(int(np.argmax(gains)))
+        chosen.append(int(np.argmax(_gains(J, chosen))))
     return chosen
 
 
@@ -270,15 +259,14 @@ def _exchanged(J: Array, chosen: list[int]) -> list[int]:
     """Poses after exchanges, each for the best beside the others."""
     chosen = [*chosen]
     for _ in range(PASSES):
-        changed = False
-        for place, old in enumerate([*chosen]):
+        before = [*chosen]
+        for place, old in enumerate(before):
             others = chosen[:place] + chosen[place + 1 :]
-            gains = _gains(J, _information(J, others))
-            gains[others] = -math.inf
+            gains = _gains(J, others)
             best = int(np.argmax(gains))
             if gains[best] > gains[old] + BETTER:
-                chosen[place], changed = best, True
-        if not changed:
+                chosen[place] = best
+        if chosen == before:
             break
     return chosen
 

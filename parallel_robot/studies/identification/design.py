@@ -69,11 +69,14 @@ class Designed(WrittenResult):
         """What it shows of the parameters, before the search and now."""
         rows = [
             [name, f'{quality.weakest:.4g}', f'{quality.condition:.4g}']
-            for name, quality in (('before', self.before), ('now', self.quality))
-            if quality is not None
+            for name, quality in self._qualities()
         ]
         weakest = self.robot.joint_units.label('weakest combination [N m]')
         return [Table(['', weakest, 'condition number'], rows)]
+
+    def _qualities(self) -> list[tuple[str, Quality]]:
+        before = [('before', self.before)] if self.before else []
+        return [*before, ('now', self.quality)]
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
@@ -83,8 +86,7 @@ class Designed(WrittenResult):
             'seed': self.seed,
             **{
                 name: {'weakest_nm': each.weakest, 'condition_number': each.condition}
-                for name, each in (('before', self.before), ('now', self.quality))
-                if each is not None
+                for name, each in self._qualities()
             },
         }
 
@@ -101,8 +103,8 @@ class Designed(WrittenResult):
         ]
 
 
-class Search:
-    """What the search for good coefficients needs of a scenario."""
+class Excitation:
+    """Exciting motions of the robot of a scenario."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         """Prepare it.
@@ -131,26 +133,19 @@ class Search:
         self.trajectory.shape = shape
         found = self.trajectory.sample(self.times)
         robot = self.robot
-        if (found.out_of_reach >= 0).any():
-            return None
-        if robot.module.infeasible(robot.parameters, self.trajectory.limits, found):
-            return None
-        if (np.abs(found.velocity) > self.speed).any():
+        if (
+            (found.out_of_reach >= 0).any()
+            or robot.module.infeasible(robot.parameters, self.trajectory.limits, found)
+            or (np.abs(found.velocity) > self.speed).any()
+        ):
             return None
         torque = self.regressor(found) @ self.model.values(robot.parameters)
         return None if (np.abs(torque) > self.torque).any() else found
 
     def regressor(self, found: Reference) -> Array:
         """Regressor of the inertia along a motion, shape (N, n, P)."""
-        return np.asarray(
-            self.model.regressor(
-                self.robot.parameters,
-                found.pose,
-                found.position,
-                found.velocity,
-                found.acceleration,
-            )
-        )
+        moved = found.position, found.velocity, found.acceleration
+        return np.asarray(self.model.regressor(self.robot.parameters, found.pose, *moved))
 
     def quality(self, found: Reference) -> Quality:
         """What a motion shows of the parameters."""
@@ -162,9 +157,7 @@ class Search:
         n = self.base.joints
         viscous = found.velocity[:, :, np.newaxis] * np.eye(n)
         Y = np.concatenate([Y, viscous, np.sign(viscous)], axis=-1).reshape(len(Y) * n, -1)
-        friction = self.friction
-        sizes = base_parameters.sizes(self.robot)
-        scale = self.base.scale(sizes, friction)
+        scale = self.base.scale(base_parameters.sizes(self.robot), self.friction)
         singular = np.linalg.svd(Y * scale, compute_uv=False) / np.sqrt(len(Y))
         return Quality(float(singular[-1]), condition_number(singular))
 
@@ -184,14 +177,18 @@ class Search:
         return best, low * coefficients
 
 
-def design(values: Mapping[str, Any], trials: int, seed: int) -> Designed:
+@one_blas_thread()
+def search(
+    scenario: str, changes: Mapping[str, Any], trials: int | None = None, seed: int | None = None
+) -> Designed:
     """Search for coefficients, by an evolution strategy with one parent and one child.
 
     Args:
-        values: A resolved configuration whose motion is an excitation; its coefficients are the
-            first parent.
-        trials: Number of children.
-        seed: Seed of the search.
+        scenario: Name or file of a scenario whose motion is an excitation; its coefficients are
+            the first parent.
+        changes: What changes in it.
+        trials: Number of motions to try; None: TRIALS.
+        seed: Seed of the search; None: SEED.
 
     Raises:
         InputError: a value is wrong, or no motion about this centre is feasible.
@@ -200,46 +197,27 @@ def design(values: Mapping[str, Any], trials: int, seed: int) -> Designed:
         Rechenberg (1973), Evolutionsstrategie: the step grows after a success and shrinks
         otherwise, so that about one child in five succeeds.
     """
-    search, rng = Search(values), np.random.default_rng(seed)
-    first = np.array([*search.start.sine, *search.start.cosine])
-    found = search.reference(*np.split(first, [len(first) // 2]))
-    before = None if found is None or not first.any() else search.quality(found)
+    trials = check('--trials', int, Field('', '', 1), TRIALS if trials is None else trials)
+    seed = check('--seed', int, Field('', '', 0), SEED if seed is None else seed)
+    excitation, rng = Excitation(resolve(scenario, changes)), np.random.default_rng(seed)
+    first = np.array([*excitation.start.sine, *excitation.start.cosine])
+    found = excitation.reference(*np.split(first, [len(first) // 2]))
+    before = None if found is None or not first.any() else excitation.quality(found)
     size = 0.2  # of the coefficients, before the amplitude is made feasible
-    best, parent = search.largest(first if first.any() else size * rng.normal(size=len(first)))
+    best, parent = excitation.largest(first if first.any() else size * rng.normal(size=len(first)))
     step = 0.3  # of the largest coefficient
     for _ in tracked(range(trials), trials, 'motions tried'):
         spread = max(float(np.abs(parent).max()), 1e-6)
         child = parent + step * spread * rng.normal(size=len(parent))
-        quality, child = search.largest(3.0 * child)
+        quality, child = excitation.largest(3.0 * child)
         if quality.weakest > best.weakest:
             best, parent, step = quality, child, step * 1.5
         else:
             step = max(step * 0.9, 0.01)
+    centre = list(map(float, excitation.start.center))
     if not best.weakest > 0.0:
-        centre = list(search.start.center)
         raise InputError(f'excitation.center {centre}: no motion about it is feasible')
     parent = np.trunc(parent * 1e5) / 1e5  # towards zero: within the limits still
     sine, cosine = (half.tolist() for half in np.split(parent, [len(parent) // 2]))
-    centre = list(map(float, search.start.center))
-    shape = search.start._asdict() | {'sine': sine, 'cosine': cosine, 'center': centre}
-    return Designed(shape, best, before, search.robot, trials, seed)
-
-
-@one_blas_thread()
-def search(
-    scenario: str, changes: Mapping[str, Any], trials: int | None = None, seed: int | None = None
-) -> Designed:
-    """Search for the coefficients of an exciting motion.
-
-    Args:
-        scenario: Name or file of a scenario with an exciting motion.
-        changes: What changes in it.
-        trials: Number of motions to try; None: TRIALS.
-        seed: Seed of the search; None: SEED.
-
-    Raises:
-        InputError: a value is wrong, or no motion is feasible.
-    """
-    trials = check('--trials', int, Field('', '', 1), TRIALS if trials is None else trials)
-    seed = check('--seed', int, Field('', '', 0), SEED if seed is None else seed)
-    return design(resolve(scenario, changes), trials, seed)
+    shape = excitation.start._asdict() | {'sine': sine, 'cosine': cosine, 'center': centre}
+    return Designed(shape, best, before, excitation.robot, trials, seed)
