@@ -202,10 +202,7 @@ def test_95_percent_intervals_cover_table_1_in_90_to_99_of_100_noisy_motions(exc
         rows = [*regression_rows.rows(run_of(recorded), robot, base, guess, 0.0, CUTOFF)]
         squares = least_squares.squares_of(rows)
         found = least_squares.estimate(squares, 0.9 * TRUTH, scale)
-        uncertainty = least_squares.Uncertainty(found, squares, scale)
-        for part in rows:
-            uncertainty.add(part)
-        fit = uncertainty.fit()
+        fit = least_squares.with_uncertainty(found, squares, scale, rows)
         half = fit.interval * fit.standard_errors
         covered += np.abs(fit.values - TRUTH) <= half
     assert covered.min() >= 90 and covered.max() <= 99, covered

@@ -14,10 +14,10 @@ from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
 from parallel_robot.studies.estimation.result_files import check_files
 from parallel_robot.studies.identification import bag_identification
-from parallel_robot.studies.identification.bag_identification import Identification
 from parallel_robot.studies.identification.design import Designed as ExcitingMotion
 from parallel_robot.studies.identification.design import search
 from parallel_robot.studies.identification.motor_lag import Rest
+from parallel_robot.studies.identification.readable import Identification
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_sim.scenario_run import changes, named
 

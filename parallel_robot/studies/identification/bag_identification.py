@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -12,23 +11,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.report import figures
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
 from parallel_robot.studies.estimation.fit import named_errors
-from parallel_robot.studies.estimation.result_files import OF_BAG, WrittenResult
-from parallel_robot.studies.identification import identified, least_squares, motor_lag, readable
-from parallel_robot.studies.identification.identified import Identified, Prediction
-from parallel_robot.studies.identification.measured_motion import RunMotion, joined, rows_of
+from parallel_robot.studies.estimation.result_files import OF_BAG
+from parallel_robot.studies.identification import (
+    identified,
+    least_squares,
+    motor_lag,
+    torque_constants,
+)
+from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.motor_lag import LongestStretch, MotorLag, Rest, Resting
 from parallel_robot.studies.identification.physical_robot import Bounds
+from parallel_robot.studies.identification.readable import Identification
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
-from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
-from parallel_robot_model.common.tables import Part
 from parallel_robot_model.common.units import DEGREES
 from parallel_robot_model.configuration.fields import group, known
 from parallel_robot_model.processes.blas_threads import one_blas_thread
@@ -41,84 +42,6 @@ HOLD_OUT = 1.0 / 3.0  # of the time, at the end
 MOST_HELD_OUT = 0.9
 
 _naming = partial(named_errors, f'{least_squares.NOT_THESE_INERTIAS}: {{}}')
-
-
-@dataclass(frozen=True, repr=False)
-class Identification(WrittenResult):
-    """What a bag tells of its robot."""
-
-    bag: Path
-    joints: tuple[str, ...]  # names of the actuated joints
-    found: Identified  # what was identified
-    # torques as the identified robot predicts them, of the second bag if there is one
-    checked: Prediction
-    validated: bool  # whether there is
-    rest: Rest | None  # noise of the sensors; None if the robot never rests
-    lag: MotorLag | None  # that of the motors; None if commands or efforts do not tell it
-    constants: TorqueConstants | None  # torque constants that were found, if any were asked for
-    warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
-
-    def groups(self) -> dict[str, dict[str, Any]]:
-        """The robot as keys of the configuration, by group."""
-        return readable.parameter_groups(self.found, self._noise)
-
-    def header(self) -> list[str]:
-        """How it was found."""
-        return readable.header(self.found, str(self.bag), bool(self._noise))
-
-    @property
-    def _noise(self) -> dict[str, list[float]]:
-        return self.rest.parameters() if self.rest else {}
-
-    def parts(self) -> list[Part]:
-        """What its owner asks first."""
-        return [
-            *readable.summary(self.found, self.joints, self.checked if self.validated else None),
-            *self._of_constants(),
-            *(self.lag.parts() if self.lag else []),
-            *(self.rest.parts() if self.rest else []),
-        ]
-
-    def all_parts(self) -> list[Part]:
-        """All results as tables."""
-        of = 'validation' if self.validated else 'same bag'
-        units = self.found.nominal.robot.joint_units
-        title = units.label(f'torque error, rms, {of} [N m]')
-        return [
-            *readable.held_out(self.found, self.joints),
-            *readable.parts(self.found),
-            readable.prediction(title, self.checked, self.joints),
-            *self._of_constants(),
-            *(self.lag.parts() if self.lag else []),
-            *(self.rest.parts() if self.rest else [motor_lag.NO_REST]),
-        ]
-
-    def _of_constants(self) -> list[Part]:
-        units = self.found.nominal.robot.joint_units
-        return self.constants.parts(units) if self.constants else []
-
-    def as_data(self) -> dict[str, Any]:
-        """The results as plain data, as ``--format json`` has them."""
-        data = readable.as_data(self.found, self.checked, self.joints)
-        found = {'rest': self.rest, 'motor_lag': self.lag, 'torque_constants': self.constants}
-        return data | {name: each.as_data() if each else None for name, each in found.items()}
-
-    def draw(self) -> Any:
-        """Draw the torques, measured and predicted."""
-        rows, torque = self.checked.rows, self.checked.torque
-        held, begin = None if self.validated else self.found.held_out, None
-        if held:  # as it was predicted by the fit to what is before it
-            begin = float(held.rows.time[0])
-            rows = rows_of(rows, rows.time < begin)
-            torque = np.concatenate([torque[: len(rows.time)], held.torque])
-            rows = joined([rows, held.rows])
-        units = self.found.nominal.robot.joint_units
-        measured, predicted = (
-            np.where(rows.known, each, np.nan) for each in (rows.torque, torque)
-        )
-        return figures.figure_of_prediction(
-            rows.time, self.joints, measured, predicted, units, begin
-        )
 
 
 @one_blas_thread()
@@ -166,7 +89,7 @@ def identify(
         joints = first.log.joints
         given = np.broadcast_to(np.array(view.torque_constant, float), len(joints))
         with _naming(bag):
-            constants = identified.find_torque_constants(
+            constants = torque_constants.find(
                 nominal, first.motion, cutoff, joints, given, hold_out
             )
             constants.check()
@@ -239,7 +162,6 @@ class _LookedThrough(NamedTuple):
 
 
 def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
-    """Look through a bag once."""
     if view.torque_constant and not joint_table.is_table(bag):
         what = f'--torque-constant is for currents in a table, not for the bag {bag}'
         raise InputError(

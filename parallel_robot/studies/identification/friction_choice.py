@@ -30,12 +30,12 @@ from parallel_robot_model.common.units import Array
 
 BLOCKS, FEWEST = 10, 5  # blocks, and those below which there are too few to choose by
 APART = 3.0  # lengths of the filter, a block at least
-SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect, over the rms of the rates
+SPEEDS = (0.04, 0.08, 0.16, 0.32, 0.64)  # of the Stribeck effect that are tried, by `typical`
+USUAL = 0.16  # of it, where none is known
 LEAST = 0.002  # of the error of its joint that a column must save
 EXACT = 5e-3  # of the torque: errors that are less are of no interest
-RIDGE = (
-    1e-9  # of the mean eigenvalue: inertias that the others of a block do not tell stay nominal
-)
+# Of the mean eigenvalue: inertias that the others of a block do not tell stay nominal.
+RIDGE = 1e-9
 
 
 def candidates(base: BaseParameters, speeds: Iterable[float]) -> BaseParameters:
@@ -47,18 +47,8 @@ def candidates(base: BaseParameters, speeds: Iterable[float]) -> BaseParameters:
     return base.with_friction(columns)
 
 
-def speeds_of(rates: Array) -> list[float]:
-    """Speeds of the Stribeck effect that are tried [rad/s]; `rates` of the joints, shape (n,)."""
-    return [share * typical(rates) for share in SPEEDS]
-
-
-def usual_speed(rates: Array) -> float:
-    """The one in their middle, where none is known."""
-    return speeds_of(rates)[len(SPEEDS) // 2]
-
-
 def typical(rates: Array) -> float:
-    """Typical rate of the joints that move [rad/s]."""
+    """Typical rate of the joints that move [rad/s]; `rates` of all, shape (n,)."""
     return float(np.median(rates[rates > STILL])) if (rates > STILL).any() else 1.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -16,7 +17,6 @@ from parallel_robot.studies.identification import (
     least_squares,
     physical_robot,
     regression_rows,
-    torque_constants,
 )
 from parallel_robot.studies.identification.base_parameters import (
     ALWAYS,
@@ -25,17 +25,11 @@ from parallel_robot.studies.identification.base_parameters import (
     FrictionColumn,
     columns_of,
 )
-from parallel_robot.studies.identification.friction_choice import SPEEDS, Blocks, Choice
-from parallel_robot.studies.identification.least_squares import (
-    Fit,
-    Squares,
-    Uncertainty,
-    Unexplained,
-)
+from parallel_robot.studies.identification.friction_choice import SPEEDS, USUAL, Blocks, Choice
+from parallel_robot.studies.identification.least_squares import Estimate, Fit, Squares, Unexplained
 from parallel_robot.studies.identification.measured_motion import RunMotion, rows_of
 from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import NOWHERE, At, Rows, SomeRows
-from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_control import configuration
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import Array
@@ -98,7 +92,8 @@ class Identified:
     @property
     def left(self) -> Unexplained:
         """What the fit leaves of the torques."""
-        return least_squares.unexplained(self.squares, self.fit)
+        size = np.maximum(self.squares.rms(np.zeros(len(self.fit.values))), 1e-300)
+        return Unexplained(self.fit.residual / size, float(np.median(self.fit.correlation)))
 
 
 @dataclass(frozen=True)
@@ -161,17 +156,13 @@ def identify(
     """
     base_parameters.linear_model(nominal.robot)
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
-    whole, held_out = _Regression(nominal, base, motion, cutoff), None
+    whole, of_begin, held_out = Regression(nominal, base, motion, cutoff), None, None
     split = motion.begin + (1.0 - hold_out) * motion.duration
-    begin = whole._replace(motion=motion.before(split)) if hold_out else whole
-    try:
-        choice, fitted = _choice(begin)
-    except BagError:
-        if not hold_out:
-            raise
-        begin = whole  # too little of the motion is before that
-        choice, fitted = _choice(whole)
-    if begin is not whole:
+    if hold_out:
+        with contextlib.suppress(BagError):  # too little of the motion may be before that
+            of_begin = _choice(whole._replace(motion=motion.before(split)))
+    choice, fitted = of_begin or _choice(whole)
+    if of_begin:
         robot = fitted.robot(bounds)
         after = split + regression_rows.SUPPORT / cutoff  # filters do not see what was fitted
         of_whole = fitted.regression._replace(motion=motion)
@@ -203,41 +194,6 @@ def identify(
     )
 
 
-def find_torque_constants(
-    nominal: Nominal,
-    motion: RunMotion,
-    cutoff: float,
-    joints: Sequence[str],
-    given: Array,
-    hold_out: float = 0.0,
-) -> TorqueConstants:
-    """Find torque constants of motors.
-
-    Args:
-        nominal: The nominal robot.
-        motion: Its motion, with currents [A] in place of torques.
-        cutoff: Bandwidth of the regression [Hz].
-        joints: Names of the joints.
-        given: Those that are known [N m/A], shape (n,); NaN for the others.
-        hold_out: Share of the time, at the end, that is not used.
-
-    Raises:
-        InputError: the robot has no linear model, or the cut-off frequency does not fit.
-        BagError: too little of the recording can be used, or a sample has no pose.
-    """
-    base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
-    columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)
-    speed = friction_choice.usual_speed(motion.speed)
-    base = base.with_friction([*columns, *columns_of(['stribeck'], base.joints, speed)])
-    if hold_out:
-        motion = motion.before(motion.begin + (1.0 - hold_out) * motion.duration)
-    regression = _Regression(nominal, base, motion, cutoff)
-    bodies = regression.before[: len(base.inertias)]
-    return torque_constants.find(
-        joints, lambda: regression.rows(NOWHERE), bodies, regression.scale, given
-    )
-
-
 def predict(found: Identified, motion: RunMotion, guess: Array, cutoff: float) -> Prediction:
     """Predict the torques of a run by the physical robot.
 
@@ -250,8 +206,7 @@ def predict(found: Identified, motion: RunMotion, guess: Array, cutoff: float) -
     Raises:
         BagError: too little of the recording can be used, or a sample has no pose.
     """
-    nominal = Nominal(found.nominal.robot, found.nominal.friction, guess)
-    regression = _Regression(nominal, found.base, motion, cutoff)
+    regression = Regression(replace(found.nominal, guess=guess), found.base, motion, cutoff)
     rows = regression.predicted(found.delay, found.robot)
     return _compared(found.robot.values, found.before, rows)
 
@@ -350,7 +305,7 @@ def check_same_robot(first: RunLog, second: RunLog) -> None:
             )
 
 
-class _Regression(NamedTuple):
+class Regression(NamedTuple):
     """Rows of a run, made anew each time; see :func:`regression_rows.rows`."""
 
     nominal: Nominal
@@ -369,11 +324,11 @@ class _Regression(NamedTuple):
         sizes = base_parameters.sizes(self.nominal.robot)
         return self.base.scale(sizes, self.nominal.friction)
 
-    def with_friction(self, columns: Iterable[FrictionColumn]) -> _Regression:
+    def with_friction(self, columns: Iterable[FrictionColumn]) -> Regression:
         """The same with other columns of friction."""
         return self._replace(base=self.base.with_friction(columns))
 
-    def rows(self, at: At, step: float = 0.0) -> Iterator[Rows]:
+    def rows(self, at: At = NOWHERE, step: float = 0.0) -> Iterator[Rows]:
         """Stretch by stretch."""
         robot, friction, guess = self.nominal.robot, self.nominal.friction, self.nominal.guess
         return regression_rows.rows(
@@ -386,18 +341,15 @@ class _Regression(NamedTuple):
         return (rows.first(len(robot.values)) for rows in self.rows(at))
 
 
-def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
+def _choice(regression: Regression) -> tuple[Choice, _Fitted]:
     """The friction that pays, of all kinds, or the usual one where there are few rows; its fit."""
     begin = regression.with_friction(columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints))
     period = regression.motion.period
-    search = _Search(begin).run(0.1 * period)
-    squares, found = search.squares, search.found
-    late = search.at.late if abs(search.at.late) > COUNTS * period else 0.0
-    every = regression._replace(
-        base=friction_choice.candidates(
-            regression.base, friction_choice.speeds_of(regression.motion.speed)
-        )
-    )
+    _, at, _, _, squares, found = _solved(begin, step=0.1 * period)
+    late = at.late if abs(at.late) > COUNTS * period else 0.0
+    typical = friction_choice.typical(regression.motion.speed)
+    candidates = friction_choice.candidates(regression.base, [share * typical for share in SPEEDS])
+    every = regression._replace(base=candidates)
     time = [window.time[[0, -1]] for window in regression.motion.windows()]
     apart = regression_rows.SUPPORT / regression.cutoff
     blocks = Blocks(every.base, found, time[0][0], time[-1][-1], apart)
@@ -415,15 +367,12 @@ def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
         blocks.add(rows.first(len(values)))
     choice = blocks.choose(every.before, every.scale) or usual
     while True:
-        columns = choice.columns
-        fitted = _fit(regression.with_friction(columns))
-        fit = fitted.fit
-        widths = np.abs(fit.values) / fit.half_widths
+        fitted = _fit(regression.with_friction(choice.columns))
+        fit, first = fitted.fit, -len(choice.columns)
+        values, widths = fit.values[first:], np.abs(fit.values / fit.half_widths)[first:]
         doubtful = {
             each
-            for each, value, width in zip(
-                columns, fit.values[-len(columns) :], widths[-len(columns) :], strict=True
-            )
+            for each, value, width in zip(choice.columns, values, widths, strict=True)
             if each in choice.saved
             and (
                 width < (SURE if choice.pays(each) else SURER)
@@ -438,7 +387,7 @@ def _choice(regression: _Regression) -> tuple[Choice, _Fitted]:
 class _Fitted(NamedTuple):
     """A fit, and of what."""
 
-    regression: _Regression  # with the speed of its Stribeck effect
+    regression: Regression  # with the speed of its Stribeck effect
     squares: Squares
     rows: Rows  # some of them
     fit: Fit
@@ -452,18 +401,17 @@ class _Fitted(NamedTuple):
         )
 
 
-def _fit(regression: _Regression) -> _Fitted:
+def _fit(regression: Regression) -> _Fitted:
     """Fit the parameters, together with a delay of the positions if there is one."""
     period = regression.motion.period
-    late = _Search(regression).run(0.1 * period)  # the slope is for a period of delay
-    fit, rows = late.uncertainty()
-    estimate = late.at.late + period * float(late.found.values[-1])
+    found = _solved(regression, step=0.1 * period)  # the slope is for a period of delay
+    fit, rows = found.fit()
+    estimate = found.at.late + period * float(fit.values[-1])
     half = period * float(fit.half_widths[-1])
     delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
-    found = late
     if not delay.counts:
-        found = _Search(late.regression, At(0.0, late.at.values)).run()
-        fit, rows = found.uncertainty()
+        found = _solved(found.regression, At(0.0, found.at.values))
+        fit, rows = found.fit()
     count = len(regression.before)
     kept = replace(
         fit,
@@ -485,7 +433,7 @@ def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
     regression, fit = fitted.regression, fitted.fit
     base, chosen = regression.base, len(fit.values)
     known = max(each.speed for each in base.friction)
-    speed = known or friction_choice.usual_speed(regression.motion.speed)
+    speed = known or USUAL * friction_choice.typical(regression.motion.speed)
     every = friction_choice.candidates(base, [speed]).friction
     left_out = [each for each in every if each not in base.friction]
     whole = regression.with_friction([*base.friction, *left_out])
@@ -504,72 +452,63 @@ def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
     return fitted._replace(fit=replace(fit, interval=fit.interval * wider))
 
 
-class _Search:
+class _Solution(NamedTuple):
+    """A solution of what is not linear, and the rows that it has."""
+
+    regression: Regression  # with the speed of its Stribeck effect
+    at: At
+    step: float  # of the delay, see :func:`regression_rows.rows`
+    scale: Array
+    squares: Squares
+    found: Estimate
+
+    def fit(self) -> tuple[Fit, Rows]:
+        """The estimate with its uncertainty, and some rows."""
+        some = SomeRows()
+        rows = some.seen(self.regression.rows(self.at, self.step))
+        fit = least_squares.with_uncertainty(self.found, self.squares, self.scale, rows)
+        return fit, some.whole()
+
+
+def _solved(regression: Regression, at: At = NOWHERE, step: float = 0.0) -> _Solution:
     """Gauss-Newton's method for what is not linear: delay, Stribeck effect, friction by load.
 
     A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
-    linearised in d again and again. The rows are made anew for each point.
+    linearised in d again and again, with a `step` [s]; 0: it is known. The rows are made anew for
+    each point.
     """
-
-    def __init__(self, regression: _Regression, at: At = NOWHERE) -> None:
-        self.regression, self.at = regression, at
-        kinds = {each.kind for each in regression.base.friction}
-        self._fast, self._curved = 'stribeck' in kinds, bool(kinds & {'stribeck', 'load'})
-        speed = friction_choice.typical(regression.motion.speed)
-        self._speeds = 0.5 * SPEEDS[0] * speed, 2.0 * SPEEDS[-1] * speed
-
-    def run(self, step: float = 0.0) -> _Search:
-        """Search; with a `step` of the delay [s], for that, too."""
-        self._step, before = step, self.regression.before
-        count, period = len(before), self.regression.motion.period
-        for k in range(ITERATIONS):
-            fast = self._fast and self.at.values is not None
-            more = np.zeros(fast + bool(step))
-            self._scale = np.append(self.regression.scale, more + 1.0)
-            rows = self.regression.rows(self.at, step)
-            self.squares = squares = least_squares.squares_of(rows)
-            nominal = np.append(before, more)
-            self.found = least_squares.estimate(squares, nominal, self._scale)
-            values = self.found.values
-            late = period * float(values[-1]) if step else 0.0
-            faster = self._limited(float(values[count])) if fast else 0.0
-            new = values[:count] if self._curved else None
-            far = abs(late) > 0.01 * period or abs(faster) > CLOSE or not self._near(new)
-            if not far or k == ITERATIONS - 1:  # rows, estimate and uncertainty are of one point
-                break
-            late = float(np.clip(self.at.late + late, -LATEST, LATEST))
-            self.at = At(late, new)
-            self._change_speed(faster)
-        return self
-
-    def _near(self, values: Array | None) -> bool:
-        """Whether torques by these values are about those of the ones before."""
-        if values is None:
-            return True
-        if self.at.values is None:
-            return False
-        squares = self.squares.first(len(values))
-        size = squares.rms(0.0 * values)
-        left = squares.rms(values) - squares.rms(self.at.values)
-        return bool(np.abs(left / np.maximum(size, 1e-300)).max() < CLOSE)
-
-    def _limited(self, faster: float) -> float:
-        """Logarithm of a factor of the speed of the Stribeck effect, within bounds."""
-        speed = max(each.speed for each in self.regression.base.friction)
-        return float(
-            np.log(np.clip(speed * np.exp(np.clip(faster, -1, 1)), *self._speeds) / speed)
-        )
-
-    def _change_speed(self, faster: float) -> None:
-        """Change the speed of the Stribeck effect by a factor, its logarithm."""
-        self.regression = self.regression.with_friction(
+    before, period = regression.before, regression.motion.period
+    count, kinds = len(before), {each.kind for each in regression.base.friction}
+    typical = friction_choice.typical(regression.motion.speed)
+    slowest, fastest = 0.5 * SPEEDS[0] * typical, 2.0 * SPEEDS[-1] * typical
+    for k in range(ITERATIONS):
+        fast = 'stribeck' in kinds and at.values is not None
+        more = np.zeros(fast + bool(step))
+        scale = np.append(regression.scale, more + 1.0)
+        squares = least_squares.squares_of(regression.rows(at, step))
+        found = least_squares.estimate(squares, np.append(before, more), scale)
+        late = period * float(found.values[-1]) if step else 0.0
+        new = found.values[:count] if kinds & {'stribeck', 'load'} else None
+        faster = 0.0  # logarithm of a factor of the speed of the Stribeck effect
+        if fast:
+            speed = max(each.speed for each in regression.base.friction)
+            wanted = speed * np.exp(np.clip(found.values[count], -1, 1))
+            faster = float(np.log(np.clip(wanted, slowest, fastest) / speed))
+        near = abs(late) <= 0.01 * period and abs(faster) <= CLOSE
+        near = near and (new is None or _alike(squares.first(count), new, at.values))
+        if near or k == ITERATIONS - 1:  # rows, estimate and uncertainty are of one point
+            break
+        at = At(float(np.clip(at.late + late, -LATEST, LATEST)), new)
+        regression = regression.with_friction(
             each._replace(speed=float(np.exp(faster)) * each.speed)
-            for each in self.regression.base.friction
+            for each in regression.base.friction
         )
+    return _Solution(regression, at, step, scale, squares, found)
 
-    def uncertainty(self) -> tuple[Fit, Rows]:
-        """The estimate with its uncertainty, and some rows."""
-        found, some = Uncertainty(self.found, self.squares, self._scale), SomeRows()
-        for rows in some.seen(self.regression.rows(self.at, self._step)):
-            found.add(rows)
-        return found.fit(), some.whole()
+
+def _alike(squares: Squares, new: Array, old: Array | None) -> bool:
+    """Whether torques by new values are about those by old ones, if there are any."""
+    if old is None:
+        return False
+    size = np.maximum(squares.rms(0.0 * new), 1e-300)
+    return bool(np.abs((squares.rms(new) - squares.rms(old)) / size).max() < CLOSE)

@@ -104,56 +104,55 @@ def estimate(squares: Squares, nominal: Array, scale: Array) -> Estimate:
     return Estimate(nominal + scale * change, weight, condition)
 
 
-class Uncertainty:
-    """Covariance of an estimate, from one more look at all rows."""
+def with_uncertainty(
+    found: Estimate, squares: Squares, scale: Array, parts: Iterable[Rows]
+) -> Fit:
+    """An estimate with its uncertainty, from one more look at all rows.
 
-    def __init__(self, found: Estimate, squares: Squares, scale: Array) -> None:
-        """Begin without rows; `squares` are those of all, `scale` as of :func:`estimate`."""
-        self._found, self._squares, self._scale = found, squares, scale
-        Y, n, parameters = squares.Y * scale, len(found.weight), len(scale)
+    Args:
+        found: The estimate.
+        squares: Its rows, by their squares.
+        scale: Sizes as of :func:`estimate`.
+        parts: The rows, each part of one stretch; parameters after those of the estimate are left.
+    """
+    n, parameters = len(found.weight), len(scale)
+    Y = squares.Y * scale
+    A = Y.transpose(0, 2, 1) @ found.weight
+    bread, unknown = _inverse(np.einsum('tpi,tiq->pq', A, Y))
+    lags = int(np.ceil(4.0 * (squares.count / 100.0) ** (2.0 / 9.0)))
+    meat = np.zeros((parameters, parameters))
+    pulls, pulls_squares = np.zeros((2, parameters))
+    products, first, second = np.zeros((3, n))
+    for rows in parts:
+        Y = rows.Y[..., :parameters]
+        left = rows.torque - Y @ found.values
+        Y = Y * scale
         A = Y.transpose(0, 2, 1) @ found.weight
-        self._bread, self._unknown = _inverse(np.einsum('tpi,tiq->pq', A, Y))
-        self._lags = int(np.ceil(4.0 * (squares.count / 100.0) ** (2.0 / 9.0)))
-        self._meat = np.zeros((parameters, parameters))
-        self._pull, self._pull_squares = np.zeros((2, parameters))
-        self._alike, self._one, self._other = np.zeros((3, n))
-
-    def add(self, rows: Rows) -> None:
-        """Take the next rows, of one stretch; parameters after those of the estimate are left."""
-        Y = rows.Y[..., : len(self._scale)]
-        left = rows.torque - Y @ self._found.values
-        Y = Y * self._scale
-        A = Y.transpose(0, 2, 1) @ self._found.weight
         # A row pulls the fit towards itself: its residual is that of a fit without it (jackknife).
-        leverage = Y @ self._bread @ A
-        without = np.linalg.solve(np.eye(Y.shape[1]) - leverage, left[..., np.newaxis])[..., 0]
-        self._meat += _long_run(np.einsum('tpi,ti->tp', A, without), self._lags)
-        pull = ((self._bread @ A) ** 2).sum(axis=2)
-        self._pull += pull.sum(axis=0)
-        self._pull_squares += (pull**2).sum(axis=0)
+        leverage = Y @ bread @ A
+        without = np.linalg.solve(np.eye(n) - leverage, left[..., np.newaxis])[..., 0]
+        meat += _long_run(np.einsum('tpi,ti->tp', A, without), lags)
+        pull = ((bread @ A) ** 2).sum(axis=2)
+        pulls += pull.sum(axis=0)
+        pulls_squares += (pull**2).sum(axis=0)
         pairs = rows.known[1:] & rows.known[:-1]
         one, other = left[1:] * pairs, left[:-1] * pairs
-        self._alike += (one * other).sum(axis=0)
-        self._one += (one**2).sum(axis=0)
-        self._other += (other**2).sum(axis=0)
-
-    def fit(self) -> Fit:
-        """The estimate with its uncertainty, after all rows."""
-        found, squares, bread, scale = self._found, self._squares, self._bread, self._scale
-        # Few rows say most about a parameter: their effective number counts. Intervals grow with
-        # the share of the lags in all rows (Kiefer, Vogelsang).
-        share = (self._lags + 1) * self._pull_squares / (self._pull**2 + 1e-300)
-        share = np.minimum(share, 1.0)
-        covariance = bread @ self._meat @ bread + UNKNOWN**2 * self._unknown
-        degrees = max(int(np.trace(squares.together)) - len(scale), 1)
-        return Fit(
-            found.values,
-            covariance * np.outer(scale, scale),
-            stats.t.ppf(0.975, degrees) + 2.9694 * share + 0.4160 * share**2,
-            found.condition,
-            squares.rms(found.values),
-            self._alike / np.maximum(np.sqrt(self._one * self._other), 1e-300),
-        )
+        products += (one * other).sum(axis=0)
+        first += (one**2).sum(axis=0)
+        second += (other**2).sum(axis=0)
+    # Few rows say most about a parameter: their effective number counts. Intervals grow with the
+    # share of the lags in all rows (Kiefer, Vogelsang).
+    share = np.minimum((lags + 1) * pulls_squares / (pulls**2 + 1e-300), 1.0)
+    covariance = bread @ meat @ bread + UNKNOWN**2 * unknown
+    degrees = max(int(np.trace(squares.together)) - parameters, 1)
+    return Fit(
+        found.values,
+        covariance * np.outer(scale, scale),
+        stats.t.ppf(0.975, degrees) + 2.9694 * share + 0.4160 * share**2,
+        found.condition,
+        squares.rms(found.values),
+        products / np.maximum(np.sqrt(first * second), 1e-300),
+    )
 
 
 def _spread(left: Array, together: Array) -> Array:
@@ -245,9 +244,3 @@ class Unexplained(NamedTuple):
             return ''
         what = ', and that is no noise' if alike else ''
         return f'{NOT_THESE_INERTIAS}: {100.0 * most:.2g} % of a torque is left{what}; {ANOTHER}'
-
-
-def unexplained(squares: Squares, fit: Fit) -> Unexplained:
-    """Find what a fit leaves of the torques of its rows."""
-    size = squares.rms(np.zeros(len(fit.values)))
-    return Unexplained(fit.residual / np.maximum(size, 1e-300), float(np.median(fit.correlation)))

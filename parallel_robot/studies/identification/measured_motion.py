@@ -233,7 +233,6 @@ def _unwrapped(position: Array, units: JointUnits) -> tuple[Array, bool]:
 
 
 def _faulted(stamps: NDArray[np.int64], statuses: Sequence[ControllerStatus]) -> NDArray[np.bool_]:
-    """Which states were in a fault, shape (N,)."""
     if not statuses:
         return np.zeros(len(stamps), bool)
     begins = np.array([status.stamp for status in statuses])

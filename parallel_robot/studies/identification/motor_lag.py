@@ -77,9 +77,9 @@ class LongestStretch:
         """Begin without states; `period` is the time between two [s]."""
         self._period = period
         self._last: tuple[float, bool] | None = None  # time of the last state; whether it is known
-        self._parts: list[tuple[Array, Array]] = []  # of the stretch that goes on
+        # commands and efforts of the stretch that goes on and of the longest one, (N, 2, n)
+        self._now = self._kept = np.zeros((0, 2, 0))
         self._length = self._longest = 0
-        self._kept: list[tuple[Array, Array]] = []
 
     def add(self, log: RunLog) -> None:
         """Take the next window."""
@@ -93,24 +93,23 @@ class LongestStretch:
         self._last = float(log.time[-1]), bool(known[-1])
         bounds = np.unique([0, *np.flatnonzero(broken), len(broken)])
         longest = int(np.argmax(np.diff(bounds)))
+        both = np.stack([log.answer, log.effort], axis=1)
         for k in sorted({0, longest, len(bounds) - 2}):  # others are neither longer nor go on
             begin, end = bounds[k : k + 2].tolist()
             if broken[begin]:
-                self._length, self._parts = 0, []
-            wanted = LONGEST - self._length
-            if wanted > 0:
-                rows = slice(begin, min(end, begin + wanted))  # copied, or all of the window stays
-                self._parts.append((log.answer[rows].copy(), log.effort[rows].copy()))
+                self._length, self._now = 0, both[:0]
+            if self._length < LONGEST:
+                self._now = np.concatenate([self._now, both[begin:end]])[:LONGEST]
             self._length += end - begin
             if self._length > self._longest:
-                self._longest, self._kept = self._length, [*self._parts]
+                self._longest, self._kept = self._length, self._now
 
     def lag(self) -> MotorLag | None:
         """The lag in what was taken; None without commands, measured efforts or enough of both."""
         period = self._period
-        if not self._kept or period <= 0.0:
+        if not self._longest or period <= 0.0:
             return None
-        command, effort = (np.concatenate(each) for each in zip(*self._kept, strict=True))
+        command, effort = self._kept.swapaxes(0, 1).copy()
         warm = round(WARM * LONGEST_LAG / period) + LATEST
         if len(command) < warm + FEWEST or not np.ptp(command[warm:], axis=0).all():
             return None
@@ -236,15 +235,6 @@ def rest_of(log: RunLog) -> Rest | None:
     return still.rest()
 
 
-class _States(NamedTuple):
-    """States that follow each other: times (N,), the others (N, n)."""
-
-    time: Array
-    position: Array
-    velocity: Array
-    reference_velocity: Array
-
-
 class Resting:
     """Noise in the phases of rest of a run, window by window.
 
@@ -254,7 +244,7 @@ class Resting:
     def __init__(self, period: float) -> None:
         """Begin without states; `period` is the time between two [s]."""
         self._period = period
-        self._left: list[_States] = []
+        self._left: list[list[Array]] = []  # states that are not looked at, as :meth:`_take`
         self._rows = self._differences = 0
         self._squares: Array | float = 0.0
         self._units = HINGES
@@ -262,25 +252,26 @@ class Resting:
     def add(self, log: RunLog) -> None:
         """Take the next window."""
         self._units = log.units
-        self._left.append(_States(*(getattr(log, name) for name in _States._fields)))
-        states = _States(*(np.concatenate(each) for each in zip(*self._left, strict=True)))
-        last = len(states.time) - len(states.time) % LONGEST
+        self._left.append([log.time, log.position, log.velocity, log.reference_velocity])
+        states = [np.concatenate(each) for each in zip(*self._left, strict=True)]
+        last = len(states[0]) - len(states[0]) % LONGEST
         for begin in range(0, last, LONGEST):
-            self._take(_States(*(each[begin : begin + LONGEST] for each in states)))
-        self._left = [_States(*(each[last:] for each in states))]
+            self._take(*(each[begin : begin + LONGEST] for each in states))
+        self._left = [[each[last:] for each in states]]
 
     def rest(self) -> Rest | None:
         """The noise in what was taken; None if it has no phase of rest."""
         for states in self._left:
-            self._take(states)
+            self._take(*states)
         self._left = []
         if not self._rows:
             return None
         position, velocity = np.sqrt(self._squares / self._differences / GAIN)
         return Rest(self._rows * self._period, position, velocity, self._units)
 
-    def _take(self, states: _States) -> None:
-        time, position, velocity, reference_velocity = states
+    def _take(
+        self, time: Array, position: Array, velocity: Array, reference_velocity: Array
+    ) -> None:
         period = self._period
         count = max(round(SHORTEST / period), 2 * ORDER) if period else 0
         if not count or len(time) <= count:

@@ -1,15 +1,24 @@
-"""An identified robot as people read it, and as plain data."""
+"""An identified robot: as people read it, as plain data, as YAML and as a picture."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis.report import figures
+from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.identification import motor_lag
 from parallel_robot.studies.identification.base_parameters import ALWAYS, FRICTION, linear_model
 from parallel_robot.studies.identification.identified import Delay, Identified, Prediction
 from parallel_robot.studies.identification.least_squares import UNKNOWN
+from parallel_robot.studies.identification.measured_motion import joined, rows_of
+from parallel_robot.studies.identification.motor_lag import MotorLag, Rest
+from parallel_robot.studies.identification.physical_robot import PhysicalRobot
+from parallel_robot.studies.identification.torque_constants import TorqueConstants
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array, rounded
@@ -21,44 +30,151 @@ WORDS = {
     'load': 'by load',
 }  # fmt: skip
 ROUNDING = 1e-6  # of a sum of masses, what a combination of parameters may leave of it
+DIGITS = 8  # significant digits of a parameter in a file
 LONG = 12  # numbers of a list, of which beyond that only those that changed are told
 
 
-def summary(
-    found: Identified, joints: Sequence[str], validation: Prediction | None = None
-) -> list[Part]:
-    """What an owner asks first: how far it can be believed, friction, mass, what is not told."""
-    held, fit, robot = found.held_out, found.fit, found.robot
-    units = found.nominal.robot.joint_units
-    columns: dict[str, list[str]] = {'joint': [*joints]}
-    title = f'{found.nominal.robot.name}: {found.squares.duration:.3g} s of motion'
-    if held:
-        title += f'; the error is that from {held.rows.time[0]:.3g} s on, which was not fitted'
-        for name, shares in (('error, %', held.share), ('before, %', held.share_before)):
-            columns[name] = [_percent(each) for each in shares]
-    if validation:
-        columns['validation, %'] = [_percent(each) for each in validation.share]
-    half = fit.half_widths
-    for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
-        unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
-        column = columns.setdefault(units.label(WORDS[kind] + unit), [''] * len(joints))
-        column[joint] = f'{fit.values[k]:.3g} +- {float(f"{half[k]:.1g}"):g}'  # 10, not 1e+01
-    rows = [[each[k] for each in columns.values()] for k in range(len(joints))]
-    told: list[Part] = [title, Table([*columns], rows), *_mass(found)]
-    if speeds := {each.speed for each in found.base.friction} - {0.0}:
-        speed = f'{max(speeds):.3g} {units.of("rad/s")}'
-        told.append(
-            f'Stribeck: more dry friction at rest (less: below 0), exp(-(v / ({speed}))^2)'
+@dataclass(frozen=True, repr=False)
+class Identification(WrittenResult):
+    """What a bag tells of its robot."""
+
+    bag: Path
+    joints: tuple[str, ...]  # names of the actuated joints
+    found: Identified  # what was identified
+    # torques as the identified robot predicts them, of the second bag if there is one
+    checked: Prediction
+    validated: bool  # whether there is
+    rest: Rest | None  # noise of the sensors; None if the robot never rests
+    lag: MotorLag | None  # that of the motors; None if commands or efforts do not tell it
+    constants: TorqueConstants | None  # torque constants that were found, if any were asked for
+    warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
+
+    def groups(self) -> dict[str, dict[str, Any]]:
+        """The robot as keys of the configuration, by group."""
+        return parameter_groups(self.found, self._noise)
+
+    def header(self) -> list[str]:
+        """How it was found."""
+        found, robot = self.found, self.found.robot
+        names = linear_model(found.nominal.robot).NAMES
+        kept = [
+            key
+            for key, value in robot.robot.items()
+            if np.allclose(value, robot.nominal[key], rtol=1e-5, atol=0.0)
+        ]
+        lines = [
+            f'The robot {found.nominal.robot.name} as identified from {printable(str(self.bag))}.',
+            'Torques depend on these combinations alone (estimate, standard error):',
+            *(
+                f'  {name} = {value:.6g} +- {error:.2g} {unit}'
+                for name, value, error, unit in zip(
+                    found.base.names,
+                    found.fit.values,
+                    found.fit.standard_errors,
+                    found.base.units,
+                    strict=True,
+                )
+            ),
+            f'with {names}.',
+            'They do not fix each mass: of all robots that have them, this is the one whose '
+            'bodies',
+            'are nearest to those of the configuration of the bag.',
+        ]
+        if kept:
+            lines.append(f'Unchanged: {", ".join(kept)}.')
+        if robot.active:
+            lines.append(
+                'No robot that can be built has the estimates themselves: this one is the '
+                f'nearest, {robot.misfit:.2g} standard errors away.'
+            )
+        lines += [f'Bound active: {each}.' for each in robot.bounds]
+        if self._noise:
+            lines.append('The noise of the sensors is that at rest.')
+        return lines
+
+    @property
+    def _noise(self) -> dict[str, list[float]]:
+        return self.rest.parameters() if self.rest else {}
+
+    def parts(self) -> list[Part]:
+        """What its owner asks first: how far to believe it, friction, mass, what is not told."""
+        found, joints, fit, robot = self.found, self.joints, self.found.fit, self.found.robot
+        units = found.nominal.robot.joint_units
+        columns: dict[str, list[str]] = {'joint': [*joints]}
+        title = f'{found.nominal.robot.name}: {found.squares.duration:.3g} s of motion'
+        if held := found.held_out:
+            title += f'; the error is that from {held.rows.time[0]:.3g} s on, which was not fitted'
+            for name, shares in (('error, %', held.share), ('before, %', held.share_before)):
+                columns[name] = [_percent(each) for each in shares]
+        if self.validated:
+            columns['validation, %'] = [_percent(each) for each in self.checked.share]
+        half = fit.half_widths
+        for k, (kind, joint, _) in enumerate(found.base.friction, len(found.base.inertias)):
+            unit = f' [{FRICTION[kind]}]' if FRICTION[kind] else ''
+            column = columns.setdefault(units.label(WORDS[kind] + unit), [''] * len(joints))
+            column[joint] = f'{fit.values[k]:.3g} +- {float(f"{half[k]:.1g}"):g}'  # 10, not 1e+01
+        rows = [[each[k] for each in columns.values()] for k in range(len(joints))]
+        told: list[Part] = [title, Table([*columns], rows), *_mass(found)]
+        if speeds := {each.speed for each in found.base.friction} - {0.0}:
+            speed = f'{max(speeds):.3g} {units.of("rad/s")}'
+            told.append(
+                f'Stribeck: more dry friction at rest (less: below 0), exp(-(v / ({speed}))^2)'
+            )
+        told += _active(robot)
+        if found.poor:
+            told.append(
+                f'the motion does not tell {len(found.poor)} of {len(fit.values)} combinations to '
+                '10 %; to find one that does: identify --design'
+            )
+        return [*told, 'all parameters and intervals: --all', *self._others()]
+
+    def all_parts(self) -> list[Part]:
+        """All results as tables."""
+        told, held, checked = parts(self.found), self.found.held_out, self.checked
+        if held:
+            begin, end = held.rows.time[0], held.rows.time[-1]
+            title = f'held out, {begin:.3g} to {end:.3g} s, fitted before: error, % of torque, rms'
+            shares = {'identified': held.share, 'before': held.share_before}
+            cells = [[name, *map(_percent, each)] for name, each in shares.items()]
+            told.insert(0, Table([title, *self.joints], cells))
+        of = 'validation' if self.validated else 'same bag'
+        title = self.found.nominal.robot.joint_units.label(f'torque error, rms, {of} [N m]')
+        rows = {
+            'identified': checked.error,
+            'before': checked.nominal_error,
+            'torque itself': checked.size,
+        }
+        cells = [[name, *(f'{value:.4g}' for value in each)] for name, each in rows.items()]
+        rest = [] if self.rest else [motor_lag.NO_REST]
+        return [*told, Table([title, *self.joints], cells), *self._others(), *rest]
+
+    def _others(self) -> list[Part]:
+        """What is told beside the robot."""
+        found = [each for each in (self.constants, self.lag, self.rest) if each]
+        return [part for each in found for part in each.parts()]
+
+    def as_data(self) -> dict[str, Any]:
+        """The results as plain data, as ``--format json`` has them."""
+        data = as_data(self.found, self.checked, self.joints)
+        found = {'rest': self.rest, 'motor_lag': self.lag, 'torque_constants': self.constants}
+        return data | {name: each.as_data() if each else None for name, each in found.items()}
+
+    def draw(self) -> Any:
+        """Draw the torques, measured and predicted."""
+        rows, torque = self.checked.rows, self.checked.torque
+        held, begin = None if self.validated else self.found.held_out, None
+        if held:  # as it was predicted by the fit to what is before it
+            begin = float(held.rows.time[0])
+            rows = rows_of(rows, rows.time < begin)
+            torque = np.concatenate([torque[: len(rows.time)], held.torque])
+            rows = joined([rows, held.rows])
+        units = self.found.nominal.robot.joint_units
+        measured, predicted = (
+            np.where(rows.known, each, np.nan) for each in (rows.torque, torque)
         )
-    if robot.active:
-        told.append(_active(robot.misfit))
-    told += [f'bound active: {each}' for each in robot.bounds]
-    if found.poor:
-        told.append(
-            f'the motion does not tell {len(found.poor)} of {len(fit.values)} combinations to '
-            '10 %; to find one that does: identify --design'
+        return figures.figure_of_prediction(
+            rows.time, self.joints, measured, predicted, units, begin
         )
-    return [*told, 'all parameters and intervals: --all']
 
 
 def _percent(share: float) -> str:
@@ -69,11 +185,15 @@ def _known(values: Array) -> list[float | None]:
     return [None if np.isnan(each) else each for each in values.tolist()]
 
 
-def _active(misfit: float) -> str:
-    return (
+def _active(robot: PhysicalRobot) -> list[str]:
+    bounds = [f'bound active: {each}' for each in robot.bounds]
+    if not robot.active:
+        return bounds
+    return [
         'constraint active: no robot that can be built has these estimates; the nearest one '
-        f'is {misfit:.2g} standard errors away'
-    )
+        f'is {robot.misfit:.2g} standard errors away',
+        *bounds,
+    ]
 
 
 def _mass(found: Identified) -> list[str]:
@@ -111,17 +231,19 @@ def parts(found: Identified) -> list[Part]:
         f'  {model.NAMES}',
         f'condition number {fit.condition:.4g}',
         _delay(found.delay, found.period),
-        *(f'the motion does not tell: {line}' for line in poor(found)),
+        *(
+            f'the motion does not tell: {name}'
+            + ('' if error > 0.1 * UNKNOWN else f', {100.0 * error:.2g} % standard error')
+            for name, error in found.poor
+        ),
     ]
-    if robot.active:
-        parts.append(_active(robot.misfit))
-    parts += [f'bound active: {each}' for each in robot.bounds]
     keys = [
         [f'robot.{key}{index}', f'{number:.5g}', f'{before:.5g}']
         for key, value in robot.robot.items()
         for number, before, index in _each(value, robot.nominal[key])
     ]
-    return [*parts, 'one of many robots that explain it', Table(['key', 'value', 'before'], keys)]
+    many = 'one of many robots that explain it'
+    return [*parts, *_active(robot), many, Table(['key', 'value', 'before'], keys)]
 
 
 def _delay(found: Delay, period: float) -> str:
@@ -132,39 +254,6 @@ def _delay(found: Delay, period: float) -> str:
     if found.half_width > period:
         return f'the motion does not tell whether positions are late: {value}; none is assumed'
     return f'positions are not late: {value}'
-
-
-def poor(found: Identified) -> list[str]:
-    """Combinations that the motion hardly shows, one line each."""
-    return [
-        name if error > 0.1 * UNKNOWN else f'{name}, {100.0 * error:.2g} % standard error'
-        for name, error in found.poor
-    ]
-
-
-def prediction(title: str, found: Prediction, joints: Sequence[str]) -> Table:
-    """Errors of the predicted torques, joint by joint."""
-    rows = {
-        'identified': found.error,
-        'before': found.nominal_error,
-        'torque itself': found.size,
-    }
-    cells = [[name, *(f'{value:.4g}' for value in values)] for name, values in rows.items()]
-    return Table([title, *joints], cells)
-
-
-def held_out(found: Identified, joints: Sequence[str]) -> list[Part]:
-    """Errors of the torques that were not fitted, relative."""
-    held = found.held_out
-    if held is None:
-        return []
-    begin, end = held.rows.time[0], held.rows.time[-1]
-    rows = [
-        [name, *map(_percent, shares)]
-        for name, shares in (('identified', held.share), ('before', held.share_before))
-    ]
-    title = f'held out, {begin:.3g} to {end:.3g} s, fitted before: error, % of torque, rms'
-    return [Table([title, *joints], rows)]
 
 
 def as_data(found: Identified, checked: Prediction, joints: Sequence[str]) -> dict[str, Any]:
@@ -242,50 +331,6 @@ def _each(value: Any, before: Any) -> list[tuple[float, float, str]]:
         every = len(value) <= LONG
         return [(*pair, f'[{k}]') for k, pair in pairs if every or not np.isclose(*pair)]
     return [(value, before, '')]
-
-
-# An identified robot as YAML, for ``--param-file``.
-
-DIGITS = 8  # significant digits of a parameter
-
-
-def header(found: Identified, bag: str, noise: bool) -> list[str]:
-    """How a robot was found, for the comment of its file; `noise`: whether that has the noise."""
-    model = linear_model(found.nominal.robot)
-    robot = found.robot
-    kept = [
-        key
-        for key, value in robot.robot.items()
-        if np.allclose(value, robot.nominal[key], rtol=1e-5, atol=0.0)
-    ]
-    lines = [
-        f'The robot {found.nominal.robot.name} as identified from {printable(bag)}.',
-        'Torques depend on these combinations alone (estimate, standard error):',
-        *(
-            f'  {name} = {value:.6g} +- {error:.2g} {unit}'
-            for name, value, error, unit in zip(
-                found.base.names,
-                found.fit.values,
-                found.fit.standard_errors,
-                found.base.units,
-                strict=True,
-            )
-        ),
-        f'with {model.NAMES}.',
-        'They do not fix each mass: of all robots that have them, this is the one whose bodies',
-        'are nearest to those of the configuration of the bag.',
-    ]
-    if kept:
-        lines.append(f'Unchanged: {", ".join(kept)}.')
-    if robot.active:
-        lines.append(
-            'No robot that can be built has the estimates themselves: this one is the nearest, '
-            f'{robot.misfit:.2g} standard errors away.'
-        )
-    lines += [f'Bound active: {each}.' for each in robot.bounds]
-    if noise:
-        lines.append('The noise of the sensors is that at rest.')
-    return lines
 
 
 def parameter_groups(

@@ -13,20 +13,25 @@ Source:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from parallel_robot.studies.identification import regression_rows
+from parallel_robot.studies.identification.base_parameters import columns_of
+from parallel_robot.studies.identification.friction_choice import USUAL, typical
+from parallel_robot.studies.identification.identified import Nominal, Regression
 from parallel_robot.studies.identification.least_squares import (
     RANK,
     Estimate,
     Squares,
-    Uncertainty,
     squares_of,
+    with_uncertainty,
 )
+from parallel_robot.studies.identification.measured_motion import RunMotion
 from parallel_robot.studies.identification.regression_rows import Rows
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.tables import Part, Table
@@ -47,6 +52,7 @@ class TorqueConstants(NamedTuple):
     values: Array  # torque constants, gears in them [N m/A], shape (n,)
     half_width: Array  # half widths of their 95 % intervals; 0 where they were given
     by_bodies: bool  # whether the bodies of the nominal robot tell their common factor
+    units: JointUnits  # units of the joints
 
     def wider_than(self, share: float) -> str:
         """Names of those whose half interval is above a share of them; empty for none."""
@@ -71,14 +77,16 @@ class TorqueConstants(NamedTuple):
                 '--torque-constant, with that of a joint that moves others'
             )
 
-    def parts(self, units: JointUnits) -> list[Part]:
+    def parts(self) -> list[Part]:
         """What is told of them."""
         own = 'by bodies' if self.by_bodies else 'given'
         rows = [
             [name, f'{value:.4g}', f'+- {half:.2g}' if half else own]
             for name, value, half in zip(self.joints, self.values, self.half_width, strict=True)
         ]
-        told: list[Part] = [Table(['joint', units.label('torque constant [N m/A]'), ''], rows)]
+        told: list[Part] = [
+            Table(['joint', self.units.label('torque constant [N m/A]'), ''], rows)
+        ]
         if self.by_bodies:
             what = 'bodies of the robot file; intervals are of what they are to each other'
             told.append(f'their common factor is that of the {what}')
@@ -93,23 +101,36 @@ class TorqueConstants(NamedTuple):
 
 
 def find(
+    nominal: Nominal,
+    motion: RunMotion,
+    cutoff: float,
     joints: Sequence[str],
-    rows: Callable[[], Iterator[Rows]],
-    nominal: Array,
-    scale: Array,
     given: Array,
+    hold_out: float = 0.0,
 ) -> TorqueConstants:
-    """Find torque constants.
+    """Find torque constants of motors.
 
     Args:
+        nominal: The nominal robot.
+        motion: Its motion, with currents [A] in place of torques.
+        cutoff: Bandwidth of the regression [Hz].
         joints: Names of the joints.
-        rows: Makes rows with currents [A] in place of torques; after the columns of bodies those
-            of friction, the viscous one of each joint first.
-        nominal: Nominal values of the bodies' columns, shape (B,).
-        scale: Sizes of all parameters, shape (B + F,).
         given: Those that are known [N m/A], shape (n,); NaN for the others.
+        hold_out: Share of the time, at the end, that is not used.
+
+    Raises:
+        InputError: the robot has no linear model, or the cut-off frequency does not fit.
+        BagError: too little of the recording can be used, or a sample has no pose.
     """
-    squares, B, n = squares_of(rows()), len(nominal), len(joints)
+    base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
+    columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)
+    speed = USUAL * typical(motion.speed)
+    base = base.with_friction([*columns, *columns_of(['stribeck'], base.joints, speed)])
+    if hold_out:
+        motion = motion.before(motion.begin + (1.0 - hold_out) * motion.duration)
+    regression = Regression(nominal, base, motion, cutoff)
+    squares, scale = squares_of(regression.rows()), regression.scale
+    B, n = len(base.inertias), len(joints)
     current, Y = squares.torque, squares.Y * scale
     free = np.isnan(given)
     by_bodies = bool(free.all())
@@ -164,14 +185,14 @@ def find(
         return replace(of, Y=np.concatenate([bodies, of.Y[..., B : len(scale)], by_share], 2))
 
     found = Estimate(values, np.diag(weight**2), 0.0)
-    uncertainty = Uncertainty(found, linear(squares), np.append(scale, np.ones(len(x))))
-    for part in rows():
-        uncertainty.add(linear(part))
-    fit = uncertainty.fit()
+    sizes = np.append(scale, np.ones(len(x)))
+    fit = with_uncertainty(found, linear(squares), sizes, map(linear, regression.rows()))
     half = np.zeros(n)
     half[free] = fit.half_widths[len(scale) :] / np.abs(share[free])
     factor = 1.0
     if by_bodies:
-        own, theirs = squares.Y[..., :B] @ values[:B], squares.Y[..., :B] @ nominal
+        own, theirs = squares.Y[..., :B] @ values[:B], squares.Y[..., :B] @ regression.before[:B]
         factor = float(np.sum(own * theirs) / np.sum(own**2))
-    return TorqueConstants(tuple(joints), factor / share, np.abs(factor) * half, by_bodies)
+    return TorqueConstants(
+        tuple(joints), factor / share, np.abs(factor) * half, by_bodies, nominal.robot.joint_units
+    )
