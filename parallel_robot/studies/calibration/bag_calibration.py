@@ -18,10 +18,7 @@ from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
-from parallel_robot.studies.calibration import (
-    least_squares,
-    measured_poses,
-)
+from parallel_robot.studies.calibration import least_squares, measured_poses
 from parallel_robot.studies.calibration.calibrated import Calibration, rms
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
@@ -123,7 +120,8 @@ def calibrate(
         zero = known(log.config)
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
     cause, distant = likely_cause(model, free) or ('', False)
-    unlike = f'{poses or bag}: the poses are not those of the {robot.name}, {_off(model)} off;'
+    nominally = _rms(model, model.errors(model.start))
+    unlike = f'{poses or bag}: the poses are not those of the {robot.name}, {nominally} off;'
     if distant:
         raise BagError(f'{unlike} but with {cause} they are')
     with Progress(None, 'robots tried') as progress, _naming(bag):
@@ -220,11 +218,6 @@ def _joined(
     return measured.of(rows), remarks
 
 
-def _off(model: PoseModel) -> str:
-    """What the nominal robot leaves of the poses, rms, for people."""
-    return _rms(model, model.errors(model.start))
-
-
 def _rms(model: PoseModel, left: Array) -> str:
     """What is left of poses, rms, by unit, for people."""
     return ' and '.join(
@@ -278,7 +271,8 @@ def _judged(model: PoseModel, found: Fit, hint: str) -> str:
         if now > MOST_LEFT * then:
             raise BagError(
                 f'no geometry explains the poses: they are {_rms(model, found.left)} off, before '
-                f'{_off(model)}; nor does one of {TRIED}' + (f'; {hint}' if hint else '')
+                f'{_rms(model, found.before)}; nor does one of {TRIED}'
+                + (f'; {hint}' if hint else '')
             )
         told = f'{_rms(model, found.left)} of the poses is left, more than the noise of a tracker'
     return told

@@ -12,7 +12,7 @@ from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.calibration.least_squares import Fit
 from parallel_robot.studies.calibration.outliers import Outlier, Starts, summary
-from parallel_robot.studies.calibration.pose_model import PoseModel
+from parallel_robot.studies.calibration.pose_model import PoseModel, by_unit
 from parallel_robot.studies.estimation.fit import combination
 from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot_model.common.errors import printable
@@ -156,11 +156,9 @@ class Calibration(WrittenResult):
         from matplotlib.figure import Figure  # slow to import: only when drawn
 
         model, found = self.model, self.found
-        units = [*dict.fromkeys(each.unit for each in model.unknown)]
-        of_unit = [
-            [k for k, each in enumerate(model.unknown) if each.unit == one] for one in units
-        ]
-        heights = [ROW for _ in model.measured.columns] + [1.0 + NAME * len(of) for of in of_unit]
+        of_unit = by_unit(each.unit for each in model.unknown)
+        heights = [ROW for _ in model.measured.columns]
+        heights += [1.0 + NAME * len(of) for of in of_unit.values()]
         figure = Figure(figsize=(WIDTH, sum(heights)), layout='constrained')
         panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
         count, colors = len(model.measured.columns), (RUNS[0].light, RUNS[1].light)
@@ -178,7 +176,7 @@ class Calibration(WrittenResult):
         panels[0].legend(ncols=3, fontsize='small', **over)
         panels[count - 1].set_xlabel('t [s]')
         half = found.half_widths
-        for panel, unit, of in zip(panels[count:], units, of_unit, strict=True):
+        for panel, (unit, of) in zip(panels[count:], of_unit.items(), strict=True):
             change = 1e6 * (found.values[of] - model.start[of])
             kept = np.isin(of, found.kept)
             spread = np.where(kept, 0.0, 1e6 * half[of])
@@ -220,8 +218,8 @@ def expected_error(model: PoseModel, found: Fit) -> dict[str, float]:
     slopes = found.slopes[:, :, of_robot]
     spread = found.covariance[of_robot, of_robot]
     variance = np.einsum('nkp,pq,nkq->nk', slopes, spread, slopes).mean(axis=0)
-    by_unit = sorted(model.columns_by_unit.items())
-    return {unit: float(np.sqrt(variance[columns].sum())) for unit, columns in by_unit}
+    of_unit = sorted(model.columns_by_unit.items())
+    return {unit: float(np.sqrt(variance[columns].sum())) for unit, columns in of_unit}
 
 
 def rms(values: Array) -> float:

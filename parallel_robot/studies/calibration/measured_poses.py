@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot.bags import bag_reader
 from parallel_robot.bags.bag_reader import Messages
-from parallel_robot.bags.limits import MEMORY, SortedRows
+from parallel_robot.bags.limits import SortedRows
 from parallel_robot.bags.messages.message_arrays import FIRST
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses
@@ -165,7 +165,6 @@ def _time(where: str, column: str, text: str, start: int) -> float:
 
 
 def _number(where: str, text: str) -> float:
-    """A finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -281,22 +280,19 @@ class StampedPoses(NamedTuple):
         return np.asarray(np.arctan2(2.0 * (w * z + x * y), w**2 + x**2 - y**2 - z**2))
 
 
-def read_topic(
-    bag: Path, name: str | None = None, memory: int = MEMORY, most: int | None = None
-) -> StampedPoses:
+def read_topic(bag: Path, name: str | None = None, most: int | None = None) -> StampedPoses:
     """Read measured poses in the order of their stamps.
 
     Args:
         bag: Directory of the bag, or its MCAP file.
         name: Name of their topic; None: the only one that there is.
-        memory: What may be held of the bag [bytes].
         most: How many poses are wanted, evenly; None: all.
 
     Raises:
         BagError: there is no such topic, or its messages are broken.
         InputError: there is no room to keep them.
     """
-    found = bag_reader.read(bag, (), lambda *_: None, memory)  # the names of topics alone
+    found = bag_reader.read(bag, (), lambda *_: None)  # the names of topics alone
     there = {
         topic: kind
         for topic, kind in found.channels.items()
@@ -333,7 +329,7 @@ def read_topic(
         missing += int((~seen).sum())
         kept.add(stamps[seen], pose[seen])
 
-    bag_reader.read(bag, [topic], keep, memory, held=False)
+    bag_reader.read(bag, [topic], keep, held=False)
     if not kept.count and not missing:
         raise BagError(f'{bag} has no messages on {printable(wanted, SHOWN_OF_TEXT)}')
     if not kept.count:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -97,15 +97,11 @@ def with_values(robot: RobotModel, numbers: Sequence[Number], given: Array) -> R
 
 
 def _numbers(robot: RobotModel) -> Iterator[Number]:
-    """All numbers of a robot's parameters."""
     for parameter in parameters(type(robot.parameters)):
         value = getattr(robot.parameters, parameter.key)
-        if isinstance(value, tuple):
-            for place, each in enumerate(value):
-                if isinstance(each, float):
-                    yield Number(parameter.key, place, parameter.field.unit)
-        elif isinstance(value, float):
-            yield Number(parameter.key, None, parameter.field.unit)
+        for place, each in enumerate(value) if isinstance(value, tuple) else [(None, value)]:
+            if isinstance(each, float):
+                yield Number(parameter.key, place, parameter.field.unit)
 
 
 NOISE = {'m': 1e-5, 'rad': 5e-5}  # of a good tracker, before its poses tell it
@@ -227,10 +223,7 @@ class PoseModel:
     @property
     def columns_by_unit(self) -> dict[str, list[int]]:
         """Which measured coordinates have which unit."""
-        found: dict[str, list[int]] = {}
-        for k, unit in enumerate(self.units):
-            found.setdefault(unit, []).append(k)
-        return found
+        return by_unit(self.units)
 
     @property
     def told(self) -> Array:
@@ -343,6 +336,14 @@ class PoseModel:
             if ahead is not None and back is not None:
                 found[:, :, k] = (ahead - back) / (2.0 * STEP)
         return found
+
+
+def by_unit(units: Iterable[str]) -> dict[str, list[int]]:
+    """Which of some numbers have which unit."""
+    found: dict[str, list[int]] = {}
+    for k, unit in enumerate(units):
+        found.setdefault(unit, []).append(k)
+    return found
 
 
 def unexplained() -> BagError:
