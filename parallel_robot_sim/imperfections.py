@@ -185,9 +185,6 @@ class LoadParameters(NamedTuple):
     ripple_periods: Annotated[float, Field('', 'of it in a turn, or in 2 pi m of a slide', 0.0)]
 
 
-NOTHING = np.zeros(0)  # in place of a memory that is not made yet
-
-
 class Imperfections(NamedTuple):
     """All of them, as the kernels take them."""
 
@@ -200,8 +197,8 @@ class Imperfections(NamedTuple):
     load: LoadParameters  # disturbances
     drive: Drive  # gears and bristles
     # what the plant remembers, see noise_and_delay.py, and room for random numbers, shape (n,)
-    memory: Array = NOTHING
-    draws: Array = NOTHING
+    memory: Any = None
+    draws: Any = None
 
     def with_memory(self, like: Array) -> Imperfections:
         """The same with memory of their own for vectors as `like`, shape (n,)."""
