@@ -110,6 +110,11 @@ def test_a_copy_brings_back_arrays_and_structs_too():
     assert shows(struct) == before
 
 
+def test_it_has_its_fields_alone():
+    struct = Struct(Pair(1.0, 2.0))
+    assert hasattr(struct, 'one') and not hasattr(struct, 'third')
+
+
 def test_an_array_of_another_size_is_not_read():
     @kernel
     def longer(value):

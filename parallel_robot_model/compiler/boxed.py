@@ -239,7 +239,7 @@ class Struct(Boxed):
 
     def __getattr__(self, name: str) -> Any:
         """A field."""
-        if name.startswith('_') or INTERPRETED:
+        if name.startswith('_') or INTERPRETED or name not in self._value._fields:
             return super().__getattr__(name)
         at = self._value._fields.index(name)
         return read_plain(self._record[f'f{at}'][0], self._value[at])
