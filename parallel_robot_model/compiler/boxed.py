@@ -172,8 +172,7 @@ class _BoxedModel(models.OpaqueModel):  # type: ignore[misc]
 class Boxed:
     """A tuple, and where it lies in memory; it must outlive the kernels that have it."""
 
-    address: int  # of its copy in memory
-    _record: Any  # that copy, an array of one
+    _type: Any = BoxedType
 
     def __init__(self, value: Any, kind: Any = None) -> None:
         """Copy a tuple into memory; texts in it are kept while the process lives.
@@ -192,14 +191,13 @@ class Boxed:
         room = _room(value) if layout is None else layout.itemsize
         memory = np.zeros(room + ALIGNMENT, np.uint8)
         begin = -memory.ctypes.data % ALIGNMENT
-        self.address, self._record = memory.ctypes.data + begin, memory
+        self.address: int = memory.ctypes.data + begin  # of its copy in memory
+        self._record: Any = memory  # that copy, an array of one if its layout is plain
         if layout is None:
             _store(value, self.address)
         else:
             self._record = np.ndarray(1, layout, memory.data, begin)
             self._record[0] = written
-
-    _type: Any = BoxedType
 
     @property
     def value(self) -> Any:
@@ -226,6 +224,18 @@ class Struct(Boxed):
 
     _type = StructType
 
+    def __init__(self, value: Any) -> None:
+        """Copy a tuple into memory; what lies elsewhere stays where it is."""
+        self._views: dict[str, Any] = {}  # of the fields that lie here
+        super().__init__(value)
+        if INTERPRETED:
+            return
+        for k, (name, each) in enumerate(zip(value._fields, value, strict=True)):
+            if _lies_elsewhere(each):
+                self.__dict__[name] = each
+            else:
+                self._views[name] = self._record[f'f{k}']
+
     @property
     def value(self) -> Any:
         """What lies in memory now, with the same arrays and boxes."""
@@ -239,19 +249,21 @@ class Struct(Boxed):
 
     def __getattr__(self, name: str) -> Any:
         """A field."""
-        if name.startswith('_') or INTERPRETED or name not in self._value._fields:
+        if name.startswith('_') or name not in self._views:
             return super().__getattr__(name)
-        at = self._value._fields.index(name)
-        return read_plain(self._record[f'f{at}'][0], self._value[at])
+        view = self._views[name]
+        if view.dtype.names is None and view.ndim == 1:  # a number, or nothing
+            return view.item() if getattr(self._value, name) is not None else None
+        return read_plain(view[0], getattr(self._value, name))
 
     def __setattr__(self, name: str, new: Any) -> None:
         """Write a field."""
-        if name not in getattr(self.__dict__.get('_value'), '_fields', ()):
+        if name.startswith('_') or name not in self._value._fields:
             object.__setattr__(self, name, new)
         elif INTERPRETED:
             self.__dict__['_value'] = self._value._replace(**{name: divisible(new)})
         else:
-            self._record[f'f{self._value._fields.index(name)}'][0] = plain(new)
+            self._views[name][0] = plain(new)
 
     def copy(self) -> list[Any]:
         """All of it, for :meth:`restore`."""
