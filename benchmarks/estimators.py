@@ -66,7 +66,7 @@ def cost(made: Simulation) -> float:
         np.full(count, made.age),
     )
     motion = JointReference(reference.position, reference.velocity, reference.acceleration)
-    control.law.memory.current = control.law.memory.first
+    control.law.reset_memory()
     begun = time.process_time()
     done = answer(control.setup, motion, states, run.command, control.state)
     used = time.process_time() - begun

@@ -176,7 +176,7 @@ class Controller(ControllerState):
         if self.fault != faults.NONE:
             self._store(controller_state.cleared(self.state))
             self._fault_seen = faults.NONE
-            self.law.memory.current = self.law.memory.first
+            self.law.reset_memory()
         return ''
 
     def finish(self) -> bool:
@@ -320,7 +320,7 @@ class Controller(ControllerState):
 
     def _reset(self) -> None:
         self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))
-        self.law.memory.current = self.law.memory.first
+        self.law.reset_memory()
         self._common.acted, self._common.cause = 0, faults.NONE
         self._common.last = NEVER
         self._pending = self._first = None

@@ -87,7 +87,7 @@ def switched(state: CycleState, before: PreparedLaw, after: PreparedLaw) -> Cycl
         after: The law from now on; its memory is made what it then is.
     """
     if after.name != before.name:
-        after.memory.current = after.memory.first
+        after.reset_memory()
     elif after.memory is not before.memory:
         after.memory.current = before.memory.current
     if state.last.known and not same(before, after):

@@ -82,11 +82,10 @@ class CycleMemory(NamedTuple):
 def cycle_memory(joints: int, turn: int = 0) -> Struct:
     """Memory before the first state; `turn`: samples of a turn from which the next one learns."""
     zero = vector(np.zeros(joints))
-    torques = recent_torques.recent_torques(zero)
     return Struct(
         CycleMemory(
-            torques,
-            kalman.kalman_memory(zero, torques),
+            recent_torques.recent_torques(zero),
+            kalman.kalman_memory(zero),
             lock_in.lock_in_memory(zero),
             approach_memory(zero),
             ways_memory(zero),

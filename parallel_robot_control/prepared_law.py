@@ -130,9 +130,13 @@ class PreparedLaw(NamedTuple):
     foreign: Foreign | None = None  # the foreign law that it is, if it is one
     arrays: str = ''  # why its update works with arrays; empty if it works with vectors
 
-    def begin(self) -> None:
-        """Forget what was before."""
+    def reset_memory(self) -> None:
+        """Let the law remember what it does before its first step."""
         self.memory.current = self.memory.first
+
+    def begin(self) -> None:
+        """Forget what was before, as the process of a foreign law does, too."""
+        self.reset_memory()
         if self.foreign is not None:
             self.foreign.begin()
 

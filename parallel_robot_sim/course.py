@@ -103,13 +103,13 @@ class Course(NamedTuple):
         """
         if sample in self.renewals:
             cycle, cause = joining(control.state, effort), faults.NONE
-            control.law.memory.current = control.law.memory.first
+            control.law.reset_memory()
         before = np.flatnonzero(self.heard.answered[:sample])[-1:]
         refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
         lasts = cause != faults.NONE or self.stale[before].any() or refused.any() or cycle.lost
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
             cycle = cleared(cycle)
-            control.law.memory.current = control.law.memory.first
+            control.law.reset_memory()
         if sample in self.lost:
             cycle = without_torque(tripped(cycle, self.lost[sample]))
         if sample in self.late:

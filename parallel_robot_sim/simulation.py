@@ -389,12 +389,15 @@ def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
     """
     friction, control = configuration.plant.load.friction, configuration.control
     dry = np.add(friction.coulomb, np.maximum(friction.stribeck, 0.0))
+    tolerance = control.safety.rate_tolerance
+    if not (tolerance and dry.any()):
+        return ()
     M = inertia_of(control)
     if not M[0, 0] > 0.0:  # a pose in which the robot has no model
         return ()
     changes = configuration.loop.period * dry * np.diag(np.linalg.inv(M))
-    untold, tolerance = 0.5 * checks.WINDOW * changes, control.safety.rate_tolerance
-    stiff = int(np.sum(0.2 * untold > tolerance)) if tolerance else 0
+    untold = 0.5 * checks.WINDOW * changes
+    stiff = int(np.sum(0.2 * untold > tolerance))
     if not stiff:
         return ()
     worst = int(np.argmax(untold))
@@ -405,7 +408,7 @@ def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
         'in one period; it stops and turns between two samples, which few laws master: inertia '
         'too small (robot.armature is that of the motor), or friction too large',
         f'safety.rate_tolerance, {tolerance:g}, may take that friction for wrong rates; '
-        f'{1.1 * untold[worst]:.1g} does not',
+        f'{1.1 * untold[worst]:.2g} does not',
     )
 
 

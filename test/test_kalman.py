@@ -40,7 +40,7 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
             filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
         recent_torques.remember(
-            filter_.memory.torques, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
+            filter_.torques, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
         )
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
@@ -105,7 +105,8 @@ def filter_of(velocities=True, command_delay=0.0, lag=0.0):
         vector(OFFSET**2),
         vector(COULOMB**2),
         0.0,
-        kalman.kalman_memory(ZERO, recent_torques.recent_torques(ZERO)),
+        kalman.kalman_memory(ZERO),
+        recent_torques.recent_torques(ZERO),
     )
 
 

@@ -352,7 +352,7 @@ def test_a_bag_that_begins_while_the_law_runs_tells_nothing_of_it(tmp_path, caps
 
 def test_what_cannot_be_explained_is_counted(tmp_path, capsys):
     def sabotage(controller):
-        controller.law.memory.current = controller.law.memory.first
+        controller.law.reset_memory()
 
     bag = live(tmp_path / 'bag', {300: sabotage})
     assert main(['replay', str(bag)]) == 1

@@ -61,7 +61,7 @@ def law_instance(control: Control, period: float, state_timeout: float) -> Boxed
         period: Time between states [s].
         state_timeout: Time without states that is a fault [s].
     """
-    control.law.memory.current = control.law.memory.first
+    control.law.reset_memory()
     joints = len(control.state.held)
     values = Space(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault

@@ -176,6 +176,7 @@ def estimator_of(
             variance(parameters.coulomb),
             levels_for(parameters, law),
             memory.kalman,
+            memory.torques,
         ),
         lock_in_of(identification, identifies, period, MOST * period, memory.lock_in),
     )

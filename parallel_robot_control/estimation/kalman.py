@@ -62,6 +62,7 @@ class Kalman(NamedTuple):
     coulomb: Array  # of f before it is known [(N m)^2]
     levels: float  # time over which the first three variances are found [s]; 0: they are as given
     memory: Any  # its KalmanMemory, a Struct
+    torques: Any  # the RecentTorques, a Struct
 
 
 class Mean(NamedTuple):
@@ -237,6 +238,7 @@ def with_levels(kalman: Kalman) -> Kalman:
         kalman.coulomb,
         kalman.levels,
         kalman.memory,
+        kalman.torques,
     )
 
 
@@ -280,19 +282,18 @@ class KalmanMemory(NamedTuple):
     position: Array  # levels that it found, see Kalman, shape (n,)
     velocity: Array
     disturbance: Array
-    torques: Any  # the RecentTorques, a Struct
 
 
-def kalman_memory(zero: Array, torques: Struct) -> Struct:
+def kalman_memory(zero: Array) -> Struct:
     """Before the first state; `zero`: a vector, shape (n,)."""
     mean, variance = Mean(*[zero] * 5), Variance(*[zero] * 15)
-    return Struct(KalmanMemory(mean, variance, zero, zero, zero, torques))
+    return Struct(KalmanMemory(mean, variance, zero, zero, zero))
 
 
 @inner
 def running(kalman: Kalman, sample: int, known: bool) -> bool:
     """Whether the filter ran not long before a sample; `known`: whether there was one."""
-    torques = kalman.memory.torques
+    torques = kalman.torques
     since = sample - torques.newest
     return known and torques.tracked and since >= 0 and since <= SIZE - 2 * MOST
 
@@ -303,7 +304,7 @@ def begin(
 ) -> tuple[Mean, Variance]:
     """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
     z = np.zeros_like(position)
-    recent_torques.fill(kalman.memory.torques, torque)
+    recent_torques.fill(kalman.torques, torque)
     v = z + select(moving, MOVING, AT_REST)
     q, w, c, f = (
         z + kalman.position,
@@ -368,7 +369,7 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(kalman, reference, high)
-            torque = recent_torques.acting_at(memory.torques, sample - j)
+            torque = recent_torques.acting_at(kalman.torques, sample - j)
             torque = torque - missing
             x = moved(kalman, model, x, s, torque, h)
             p = spread(kalman, mobility, p, s, h)
@@ -401,13 +402,13 @@ def predicted(
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = recent_torques.acting_at(memory.torques, sample - j) - missing
+        torque = recent_torques.acting_at(kalman.torques, sample - j) - missing
         x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
         j -= 1
     # 3. And over the lag of the motors, which delays what is asked for now by as much.
     s = sign(kalman, reference, -kalman.lag)
     if kalman.lag > 0.0:
-        torque = recent_torques.acting_after(memory.torques) - missing
+        torque = recent_torques.acting_after(kalman.torques) - missing
         x = moved(kalman, model, x, s, torque, kalman.lag)
     unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)

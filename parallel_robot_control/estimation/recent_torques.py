@@ -20,9 +20,7 @@ class RecentTorques(NamedTuple):
     tracked: bool  # whether the Kalman filter ran at it
     age: float  # from the measurement of the last state to the moment at which its torque acts [s]
     asked: Array  # torque asked for at a sample, in row sample % SIZE, shape (SIZE, n)
-    acting: (
-        Array  # what the motors made of the law's over the period of the sample, shape (SIZE, n)
-    )
+    acting: Array  # what the motors made of the law's over its period, shape (SIZE, n)
     lagged: Array  # the same after the newest of them, shape (n,)
     added: Array  # what was added to the newest torque of the law, see repetition.py, shape (n,)
 

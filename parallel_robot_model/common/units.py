@@ -84,6 +84,10 @@ class JointUnits(NamedTuple):
         both = '' if all(self.slides) else r'\1_or_'
         return WORD.sub(lambda found: found.expand(both) + KEYS[found[1]], name)
 
+    def hinges(self, joints: int) -> NDArray[np.bool_]:
+        """Which of so many joints turn, shape (n,)."""
+        return ~np.array(self.slides or (False,) * joints)
+
     def one(self, joint: int) -> JointUnits:
         """Those of one joint, by its 0-based index."""
         return JointUnits(self.slides[joint : joint + 1])
@@ -105,8 +109,7 @@ def beyond_a_turn(position: Any, units: JointUnits) -> str:
         position: Joints [rad], shape (N, n).
         units: Their units.
     """
-    slides = np.array(units.slides or (False,) * position.shape[1])
-    far = float(np.abs(position[:, ~slides]).max(initial=0.0))
+    far = float(np.abs(position[:, units.hinges(position.shape[1])]).max(initial=0.0))
     turns = f'{far:.4g} rad, {far / TURN:.3g} turns: joint_states are in radians; {DEGREES}'
     return turns if far > TURN else ''
 

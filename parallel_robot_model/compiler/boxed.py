@@ -63,8 +63,7 @@ def read_plain(record: Any, like: Any) -> Any:
         return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
     if isinstance(like, Vector):
         return np.array(record).view(Vector)
-    lies_here = like is not None and plain_type(like) is not None
-    return record.item() if lies_here else like
+    return like if like is None or _lies_elsewhere(like) else record.item()
 
 
 # Kernels as values, for kernels that take a function.
@@ -251,10 +250,7 @@ class Struct(Boxed):
         """A field."""
         if name.startswith('_') or name not in self._views:
             return super().__getattr__(name)
-        view = self._views[name]
-        if view.dtype.names is None and view.ndim == 1:  # a number, or nothing
-            return view.item() if getattr(self._value, name) is not None else None
-        return read_plain(view[0], getattr(self._value, name))
+        return read_plain(self._views[name][0], getattr(self._value, name))
 
     def __setattr__(self, name: str, new: Any) -> None:
         """Write a field."""

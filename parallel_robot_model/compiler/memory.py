@@ -28,11 +28,7 @@ class Space(int):
 
     def __new__(cls, count: int) -> Space:
         """Make room for `count` floats, all zero."""
-        return cls.within(np.zeros(count))
-
-    @classmethod
-    def within(cls, floats: np.ndarray) -> Space:
-        """Floats that exist, as a space of their own."""
+        floats = np.zeros(count)
         made = super().__new__(cls, floats.ctypes.data)
         made.floats = floats
         return made

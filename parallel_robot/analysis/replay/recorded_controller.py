@@ -219,7 +219,7 @@ class RecordedController:
             if begin in self._restarts or begin in self._renewals:
                 state = restarted(state, np.array(self._configuration.guess))
                 state = joining(state, self._effort[begin])
-                control.law.memory.current = control.law.memory.first
+                control.law.reset_memory()
             elif begin in self._gaps:
                 state = without_torque(tripped(state, faults.STATES_STALE))
             if begin in self._returns:

@@ -226,7 +226,7 @@ def _unbroken(motion: MeasuredMotion, longest: float) -> list[MeasuredMotion]:
 
 def _unwrapped(position: Array, units: JointUnits) -> tuple[Array, bool]:
     """Positions whose hinges do not leap by a whole turn, and whether they did."""
-    hinges = ~np.array(units.slides or (False,) * position.shape[1])
+    hinges = units.hinges(position.shape[1])
     if not (hinges & (np.abs(np.diff(position, axis=0)) > WRAPPED)).any():
         return position, False
     return np.where(hinges, np.unwrap(position, WRAPPED, axis=0), position), True
