@@ -42,7 +42,7 @@ def main() -> None:
         delay = float(np.floor(given['sensor.delay'] / period + 0.5) * period)
         made = run(row.scenario, given, 'identify')
         if made is not None:
-            found = result(made.experiment.control.setup.estimator.lock_in)
+            found = result(made.experiment.control.setup)
             kept += found.phase == KEPT
             misses.append((found.delay - delay) / period)
             apart.append(float(np.ptp(found.of_joints)) / period)

@@ -21,8 +21,9 @@ from rows import row, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.cycle import ControlSetup, When, run_cycle
+from parallel_robot_control.cycle import run_cycle
 from parallel_robot_control.laws import LAWS
+from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.compiler import kernel, select, vector
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.connections import message_class, qos_of
@@ -37,7 +38,7 @@ BATCHES = 7  # of the kernel
 @kernel
 def repeat(
     count: int,
-    setup: ControlSetup,
+    setup: Any,
     reference: JointReference,
     position: Any,
     velocity: Any,

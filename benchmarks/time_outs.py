@@ -10,7 +10,6 @@ import numpy as np
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.law_core import JointSample
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.plant_run import Simulator
@@ -57,9 +56,9 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
         if first <= k < last:
             simulator.advance(command, arrived=False)
         else:
-            measured = JointSample(joints.position, joints.velocity, simulator.state.torque)
-            sample = controller.add_state(stamp, measured)
-            command = command if sample is None else sample.torque
+            measured = joints.position, joints.velocity, simulator.state.torque
+            if controller.add_state(stamp, measured):
+                command = controller.torque
             simulator.advance(command)
         if k >= first:
             distance = np.linalg.norm((simulator.pose - motion.pose[k + 1])[:2])

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, When, before_cycle
+from parallel_robot_control.cycle import CycleState, before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.joint_states import HeldCommands, StateRhythm
@@ -29,7 +29,7 @@ from parallel_robot_control.reference_buffer import (
     reference_at,
 )
 from parallel_robot_control.safety import faults, limiting
-from parallel_robot_control.safety.limiting import OVERDUE, QUIET
+from parallel_robot_control.safety.limiting import OVERDUE, QUIET, When
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import (
     Boxed,
@@ -154,15 +154,10 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     """
     common = core.common
     acted, before = common.acted, common.state.value
-    row = core.setup.limits.torque
-    estimator = core.setup.estimator
-    tracks = estimator.kind == KALMAN
-    delay = lock_in.delay_at(estimator.lock_in, estimator.delay, before.last.known)
-    question = _open(common, wire, data, now, monotonic, row, tracks, delay)
+    question = _open(core.setup, common, wire, data, now, monotonic)
     if question.code != ANSWERED:
         return question.code
-    stamps = question.stamps
-    sample = stamps.acts // common.timing.period
+    sample = question.acts // common.timing.period
     done = core.cycle(
         core.setup,
         question.reference,
@@ -170,7 +165,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.velocity,
         question.effort,
         common.state.value,
-        When(sample, (stamps.acts - stamps.stamp) / NANOSECONDS, question.dt),
+        When(sample, (question.acts - question.stamp) / NANOSECONDS, question.dt),
     )
     common.state.value = done.state
     write_row(common.telemetry, COUPLED, done.coupled_error)
@@ -178,30 +173,24 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.torques, 0, done.torque)
     write_row(common.commanded, common.logged % AGES, done.torque)
     write_row(common.efforts, common.logged % AGES, question.effort)
-    phase = lock_in.phase(estimator.lock_in, sample)
-    code = _close(common, stamps, done.acted, done.cause, phase, now, monotonic)
+    phase = lock_in.phase(core.setup, sample)
+    code = _close(common, question, done.acted, done.cause, phase, now, monotonic)
     after = done.state
     if common.acted != acted or after.fault != before.fault or after.lost != before.lost:
         code |= STATUS
     return code
 
 
-class Stamps(NamedTuple):
-    """Times of an answer [ns]."""
-
-    stamp: int  # stamp of the state
-    acts: int  # stamp of the sample from which on the torque acts, as far as it counts
-    now: int  # the same, whether it counts or not
-    known: int  # stamp of the reference used
-    before: int  # stamp of the state answered before; NEVER if there is none
-    stale: bool  # whether the reference is too old
-
-
 class Question(NamedTuple):
-    """A state with everything that is needed to answer it."""
+    """A state with everything that is needed to answer it; stamps in [ns]."""
 
     code: int  # ANSWERED if the state can be answered, else the reason why not
-    stamps: Stamps  # times of the answer
+    stamp: int  # of the state
+    acts: int  # of the sample from which on the torque acts, as far as it counts
+    acting: int  # the same, whether it counts or not
+    known: int  # of the reference used
+    before: int  # of the state answered before; NEVER if there is none
+    stale: bool  # whether the reference is too old
     reference: JointReference  # desired joint motion when the torque acts
     position: Array  # measured angles [rad], shape (n,)
     velocity: Array  # measured rates [rad/s], shape (n,)
@@ -210,16 +199,7 @@ class Question(NamedTuple):
 
 
 @inner
-def _open(
-    common: Any,
-    wire: Any,
-    data: bytes,
-    now: int,
-    monotonic: int,
-    row: Array,
-    tracks: bool,
-    delay: float,
-) -> Question:
+def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Question:
     """Read a state, check whether it can be answered, and find its reference.
 
     If it can, the state of the controller is made what the cycle begins with.
@@ -227,11 +207,10 @@ def _open(
     In lockstep the first state tells the age of all: its torque acts from the start on. In wall
     time a torque acts at the end of the period in which it is asked for; this counts only with an
     estimator that predicts.
-
-    `row` is any vector of shape (n,); `tracks`: whether the estimator predicts; `delay`: age that
-    the stamps do not tell [s].
     """
     timing, state = common.timing, common.state.value
+    row, tracks = setup.safety.torque_limit, setup.estimator.kind == KALMAN
+    delay = lock_in.delay_at(setup, state.last.known)
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
@@ -300,8 +279,21 @@ def _open(
         common.last = stamp
         common.state.value = before_cycle(state, torque, cause, joins)
     common.came = now
-    stamps = Stamps(stamp, acts, acting, known, before, lookup == TOO_OLD)
-    return Question(code, stamps, reference, position, velocity, effort, dt)
+    stale = lookup == TOO_OLD
+    return Question(
+        code,
+        stamp,
+        acts,
+        acting,
+        known,
+        before,
+        stale,
+        reference,
+        position,
+        velocity,
+        effort,
+        dt,
+    )
 
 
 @inner
@@ -318,11 +310,11 @@ def _is_queued(common: Any, now: int, stamp: int) -> bool:
 
 @inner
 def _close(
-    common: Any, stamps: Stamps, acted: int, cause: int, phase: int, now: int, monotonic: int
+    common: Any, question: Question, acted: int, cause: int, phase: int, now: int, monotonic: int
 ) -> int:
     """Note what a cycle did and when, and return the bits of the answer."""
     period = common.timing.period
-    stamp, before = stamps.stamp, stamps.before
+    stamp, before = question.stamp, question.before
     acts = acted + select(common.waits, limiting.REFERENCE, 0)
     if acts:
         common.acted |= acts
@@ -330,22 +322,22 @@ def _close(
     elif common.acted and stamp - common.acted_at >= QUIET * NANOSECONDS:
         common.acted = 0  # what acts next is told
     common.cause = cause
-    if stamps.stale and cause == faults.NONE:
+    if question.stale and cause == faults.NONE:
         common.cause = faults.REFERENCE_STALE
     common.log[common.logged % AGES, 0] = stamp
-    common.log[common.logged % AGES, 1] = stamps.known
-    common.log[common.logged % AGES, 2] = stamps.acts
+    common.log[common.logged % AGES, 1] = question.known
+    common.log[common.logged % AGES, 2] = question.acts
     common.logged += 1
     age = max(0, now - stamp)
     common.ages[common.answers % AGES] = age
     if now != 0:
         common.youngest = min(age, common.youngest + period // AGEING)
     common.answers += 1
-    ended = common.end != NEVER and stamps.now >= common.end
+    ended = common.end != NEVER and question.acting >= common.end
     common.heard = 0 if ended else monotonic
-    index = stamps.acts // period
+    index = question.acts // period
     index_before = (before + common.age) // period
-    common.age = stamps.acts - stamp
+    common.age = question.acts - stamp
     code = ANSWERED
     if index % SLOW == 0 or (before != NEVER and index // SLOW != index_before // SLOW):
         code |= TELEMETRY | LOG

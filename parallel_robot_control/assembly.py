@@ -9,14 +9,15 @@ import numpy as np
 from parallel_robot_control.assembly_mode import losing
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_memory, initial_state
-from parallel_robot_control.estimation.estimator import estimator_of
+from parallel_robot_control.estimation import lock_in
+from parallel_robot_control.estimation.estimator import IDENTIFY, settled
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
-from parallel_robot_control.repetition import repetition_of
+from parallel_robot_control.repetition import repetition_memory
 from parallel_robot_control.safety import faults, limiting
-from parallel_robot_control.safety.limiting import limits_of
+from parallel_robot_control.safety.limiting import as_limits
 from parallel_robot_control.terms import asked_of
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Boxed, Struct, vector
+from parallel_robot_model.compiler import Boxed, Struct, as_constants, vector
 from parallel_robot_model.processes.custom_module import distinguish
 from parallel_robot_model.robots.contract import PoseMotion
 
@@ -25,7 +26,7 @@ class Control(NamedTuple):
     """A controller before its first state."""
 
     law: PreparedLaw
-    setup: ControlSetup  # law, robot and limits of the control cycle
+    setup: Boxed  # ControlSetup: law, robot and parameters of the control cycle
     state: CycleState  # state before the first cycle
 
 
@@ -44,65 +45,53 @@ def assemble(
         InputError: the theory of the law forbids its gains, or a custom law does not compile or
             does not pass its trial.
     """
-    name = law or configuration.loop.law
-    gains, robot = configuration.gains[name], configuration.robot
-    prepared = prepare(name, configuration.laws[name], gains, configuration.joints)
+    name, period = law or configuration.loop.law, configuration.loop.period
+    module, robot = configuration.laws[name], configuration.robot
+    prepared = prepare(name, module, configuration.gains[name], configuration.joints)
     if prepared.foreign is not None:
-        prepared.foreign.judge_loop(configuration.loop.period, robot.joint_units)
+        prepared.foreign.judge_loop(period, robot.joint_units)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
     distinguish(type(configuration.margins))
     state = configuration.margins, row, row, guess
-    estimate = robot.kernel('estimate', *state)
-    limits = Boxed(
-        limits_of(configuration.safety, configuration.margins, configuration.loop.period)
-    )
-    period, memory = configuration.loop.period, memory or memory_of(configuration)
-    estimator = Boxed(
-        estimator_of(
-            configuration.estimator,
-            configuration.lock_in,
-            configuration.laws[name],
-            period,
-            memory,
-        )
-    )
-    if estimator.lock_in.on:
-        limiting.check_lock_in(
-            estimator.lock_in, limits.value, inertia_of(configuration), robot.joint_units
-        )
+    identification = configuration.lock_in
+    estimator = settled(configuration.estimator, identification, module, period)
+    safety = as_limits(configuration.safety, period)
+    identifies = configuration.estimator.delay == IDENTIFY
+    if identifies:
+        lock_in.check(identification, period)
+        inertia = inertia_of(configuration)
+        limiting.check_lock_in(identification, safety, inertia, robot.joint_units)
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
-    return Control(
-        prepared,
-        ControlSetup(
-            prepared.step,
-            estimate,
-            robot.kernel('estimate', *state, instead='ahead'),
-            robot.kernel('locate', row, guess),
-            asked_of(configuration.laws[name], robot),
-            prepared.law,
-            robot.constants,
-            limits,
-            estimator,
-            configuration.approach,
-            losing(robot, configuration.margins, row, guess),
-            memory,
-            Boxed(
-                repetition_of(
-                    configuration.repetition,
-                    configuration.turn,
-                    configuration.laws[name],
-                    period,
-                    memory.repetition,
-                )
-            ),
-        ),
-        initial_state(guess, configuration.joints)._replace(fault=fault),
+    setup = ControlSetup(
+        prepared.step,
+        robot.kernel('estimate', *state),
+        robot.kernel('estimate', *state, instead='ahead'),
+        robot.kernel('locate', row, guess),
+        prepared.law,
+        asked_of(module, robot),
+        bool(getattr(module, 'MODEL', True)),  # optional in the contract
+        robot.constants,
+        configuration.margins,
+        losing(robot, configuration.margins, row, guess),
+        period,
+        configuration.turn,
+        identifies,
+        Boxed(safety),
+        Boxed(as_constants(estimator)),
+        Boxed(as_constants(identification)),
+        Boxed(as_constants(configuration.approach)),
+        Boxed(as_constants(configuration.repetition._replace(period=0.0))),
+        memory or memory_of(configuration),
     )
+    first = initial_state(guess, configuration.joints)
+    return Control(prepared, Boxed(setup), first._replace(fault=fault))
 
 
 def memory_of(configuration: ControlConfiguration) -> Struct:
     """Memory of the cycle of a controller, before its first state."""
-    return cycle_memory(configuration.joints, configuration.turn)
+    joints, turn = configuration.joints, configuration.turn
+    period, parameters = configuration.loop.period, configuration.repetition
+    return cycle_memory(joints, repetition_memory(parameters, joints, turn, period))
 
 
 def inertia_of(configuration: ControlConfiguration) -> Array:

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
+from parallel_robot_control.cycle import CycleState, cycle_of
+from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
 
@@ -38,7 +39,7 @@ class Batch(NamedTuple):
 
 
 def answer(
-    control: ControlSetup,
+    control: Any,
     references: JointReference,
     states: States,
     expected: Array,
@@ -47,7 +48,7 @@ def answer(
     """Answer states until a torque is not the expected one; that state, too, is remembered.
 
     Args:
-        control: Law, robot and limits.
+        control: The ControlSetup, boxed.
         references: Desired joint motion when the torques act, each shape (N, n).
         states: See States.
         expected: Expected torques [N m], shape (N, n); NaN where any torque is accepted.
@@ -61,7 +62,7 @@ def answer(
 @kernel
 def answers(
     run_cycle: Any,
-    control: ControlSetup,
+    control: Any,
     references: JointReference,
     states: States,
     expected: Array,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from parallel_robot_control.estimation.lock_in import LockInParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.prepared_law import judge
 from parallel_robot_control.repetition import RepetitionParameters, turn_of
-from parallel_robot_control.safety.limiting import SafetyParameters
+from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config, fields
@@ -59,18 +59,23 @@ class ControlConfiguration(NamedTuple):
 
     loop: LoopParameters  # period, joints, active law and the like
     robot: RobotModel  # nominal robot
-    safety: SafetyParameters  # limits and the safe action
     margins: Any  # SafetyMargins of the robot
     guess: tuple[float, ...]  # pose from which the first forward kinematics starts, m numbers
-    stopped: bool  # whether the controller begins in emergency stop
-    lifecycle: bool  # whether its node is a managed one
-    estimator: EstimatorParameters  # where the motion of the joints is known from
-    lock_in: LockInParameters  # how the age of the states is identified, if it is
-    approach: ApproachParameters  # how the robot joins the desired motion
-    repetition: RepetitionParameters  # what is learned from turn to turn
     turn: int  # samples of a turn; 0 where nothing is learned
     laws: Mapping[str, Law]  # all laws by name
     gains: Mapping[str, Any]  # gains of each law
+    # groups of parameters, by their prefixes
+    controller: ControllerParameters
+    estimator: EstimatorParameters
+    lock_in: LockInParameters
+    approach: ApproachParameters
+    repetition: RepetitionParameters
+    safety: SafetyParameters
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the controller begins in emergency stop."""
+        return self.controller.stopped or self.controller.lifecycle
 
     @property
     def custom(self) -> bool:
@@ -81,6 +86,10 @@ class ControlConfiguration(NamedTuple):
     def joints(self) -> int:
         """Number of the actuated joints, n."""
         return len(self.loop.joints)
+
+
+FIRST = ControlConfiguration._fields.index('controller')
+GROUPS = dict([*get_type_hints(ControlConfiguration).items()][FIRST:])
 
 
 def load(values: Mapping[str, Any]) -> Modules:
@@ -121,12 +130,7 @@ def of_laws(laws: Mapping[str, Law]) -> Declared:
 
 def declared(robot: Robot, laws: Mapping[str, Law]) -> Declared:
     """Groups of the controller and of all its laws."""
-    yield 'controller', ControllerParameters
-    yield 'estimator', EstimatorParameters
-    yield 'lock_in', LockInParameters
-    yield 'approach', ApproachParameters
-    yield 'repetition', RepetitionParameters
-    yield 'safety', SafetyParameters
+    yield from GROUPS.items()
     yield 'safety', robot.SafetyMargins
     yield from of_laws(laws)
 
@@ -172,23 +176,17 @@ def control_from(
     gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
     for name, law in laws.items():
         judge(name, law, gains[name])
-    controller, repetition = groups[ControllerParameters], groups[RepetitionParameters]
+    repetition = groups[RepetitionParameters]
     turn = turn_of(repetition, motion(), loop.period) if repetition.gain else 0
     return ControlConfiguration(
         _with_law(loop, loop.law, laws),
         robot,
-        groups[SafetyParameters],
         groups[robot.module.SafetyMargins],
         checked(guess, robot),
-        controller.stopped or controller.lifecycle,
-        controller.lifecycle,
-        groups[EstimatorParameters],
-        groups[LockInParameters],
-        groups[ApproachParameters],
-        repetition,
         turn,
         laws,
         gains,
+        *(groups.at(*each) for each in GROUPS.items()),
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from parallel_robot_control import configuration, controller_state
 from parallel_robot_control.answer_kernel import (
     ANSWERED,
+    FOREVER,
     NEVER,
     NO_REFERENCE,
     OUT_OF_ORDER,
@@ -19,29 +21,42 @@ from parallel_robot_control.answer_kernel import (
     STATUS,
     TELEMETRY,
     AnswerLog,
+    Timing,
+    common_of,
 )
-from parallel_robot_control.configuration import ControlConfiguration, preset_of
+from parallel_robot_control.assembly_mode import AssemblyModes
+from parallel_robot_control.configuration import ControlConfiguration, checked, preset_of
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_state import ControllerState
-from parallel_robot_control.estimation.estimator import delay_text
-from parallel_robot_control.law_core import STATE_FIELDS, Answer, Change, JointSample, LawCores
-from parallel_robot_control.messages import LOST, Status, wire_of
+from parallel_robot_control.controller_state import placed, tripped, without_torque
+from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.estimation.lock_in import delay_text
+from parallel_robot_control.law_core import STATE_FIELDS, LawCore, LawCores
+from parallel_robot_control.messages import LOST, Status, Telemetry, wire_of
 from parallel_robot_control.prepared_law import PreparedLaw
-from parallel_robot_control.reference_buffer import BACK, CONTRADICTS, LATE, RESTART
+from parallel_robot_control.reference_buffer import (
+    BACK,
+    CONTRADICTS,
+    LATE,
+    RESTART,
+    ReferenceBuffer,
+)
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.clamped_efforts import ClampedEfforts
-from parallel_robot_control.safety.limiting import Limits
+from parallel_robot_control.safety.faults import SafetyParameters
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
+from parallel_robot_model.compiler import need_compiler
 from parallel_robot_model.configuration.hazards import HazardTimes, parse
-from parallel_robot_model.configuration.loop import OLDEST
+from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.robots.contract import Fault
 
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
+REFUSAL_TIMEOUT = NANOSECONDS // 10  # ns, for which all states are refused before that is a fault
 REPEATED = NANOSECONDS // 4  # ns; a state repeated after this time was not a copy in the queue
 
 
-class Controller(ControllerState):
+class Controller:
     """Computes the torque of each state from the reference at the state's own stamp.
 
     :meth:`answer` is for messages of a known layout, :meth:`add_state` for numbers; both end
@@ -57,9 +72,36 @@ class Controller(ControllerState):
         Raises:
             InputError: a law cannot be used, or the compiler is switched off.
         """
-        super().__init__(configuration)
+        need_compiler()
+        self.configuration = configuration  # the present configuration
+        self.counts: Counter[str] = Counter()  # number of unusual events by their description
+        self._loop, joints = configuration.loop, configuration.loop.joints
+        loop = self._loop
+        self._faults = faults.of(configuration.robot.module)
+        safety = configuration.safety
+        self._state_timeout = round(safety.state_timeout * NANOSECONDS)
+        self._heard = b''  # the last state
+        self._references = ReferenceBuffer(loop.joints)
+        state = initial_state(np.array(configuration.guess), len(loop.joints))
+        self._common: Any = common_of(
+            self._references.compiled,
+            Timing(
+                loop.period_ns,
+                round(safety.reference_timeout * NANOSECONDS),
+                self._state_timeout,
+                round(safety.state_age * NANOSECONDS),
+                loop.lockstep,
+            ),
+            state,
+        )
+        self._lost = False  # whether the joint states went stale and none has come since
+        self._fault_seen = faults.NONE  # the last fault counted
+        self._refused = faults.NONE, 0, 0  # why, at which count of answers, since when [ns]
+        self._changed = False  # whether law or fault changed since the last answer
+        self._modes = AssemblyModes(configuration)
+        self._offered: Array | None = None  # the pose that the user may confirm
+        self._told = ''  # the last pose that was told
         preset_of(configuration.loop)  # its files are read now, not while the robot moves
-        loop, joints = configuration.loop, configuration.loop.joints
         self._units = configuration.robot.joint_units
         self._state_layout = layouts.joint_state(joints)
         self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
@@ -82,6 +124,14 @@ class Controller(ControllerState):
         self.code = 0  # what :func:`answer_kernel.answer` returned for the last state
         self._cores = LawCores(configuration, self._common, self._own)
         self._core = self._cores.make(configuration)
+        if loop.start_stamp == WAIT:
+            self._common.first = FOREVER
+        elif loop.start_stamp > 0:
+            self.begin(loop.start_stamp)
+        elif loop.lockstep:
+            self.begin(loop.step_start)
+        if configuration.stopped:
+            self.trip(faults.EMERGENCY_STOP)
 
     @property
     def law(self) -> PreparedLaw:
@@ -89,9 +139,10 @@ class Controller(ControllerState):
         return self._core.law
 
     @property
-    def limits(self) -> Limits:
-        """Limits that the kernels apply."""
-        return self._core.limits
+    def limits(self) -> SafetyParameters:
+        """Limits that the kernels apply, see :func:`limiting.as_limits`."""
+        limits: SafetyParameters = self._core.setup.safety.value
+        return limits
 
     @property
     def pending(self) -> bool:
@@ -101,7 +152,7 @@ class Controller(ControllerState):
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        delay = delay_text(self._core.estimator, self._common.phase, self._units)
+        delay = delay_text(self._core.setup, self._common.phase, self._units)
         fault = self._faults.get(self.fault)
         pose = LOST if self._common.state.lost else self._told
         return Status(self.law.name, fault, self._common.acted, delay, pose)
@@ -118,6 +169,166 @@ class Controller(ControllerState):
         unit = self._units.of('rad')
         return {} if unit == 'rad' else {OF_JOINTS: unit}
 
+    @property
+    def fault(self) -> int:
+        """NONE or the number of the present fault, see faults.py."""
+        fault: int = self._common.state.fault
+        return fault
+
+    @property
+    def state(self) -> CycleState:
+        """State of the controller after the last cycle."""
+        state: CycleState = self._common.state.value
+        return state
+
+    @property
+    def stamp(self) -> int:
+        """Stamp of the state answered last [ns]; 0 if there is none."""
+        return max(0, self._common.last)
+
+    @property
+    def acts(self) -> int:
+        """Stamp from which on the torque of the last answer acts [ns]; 0 if there is none."""
+        return self.stamp + self._common.age
+
+    @property
+    def torque(self) -> Array:
+        """Torque of the last answer [N m], shape (n,)."""
+        torque: Array = self._common.torques.copy()
+        return torque
+
+    @property
+    def telemetry(self) -> Telemetry:
+        """Telemetry of the last answer, one row."""
+        return Telemetry(*self._common.telemetry[:, np.newaxis].copy())
+
+    def begin(self, stamp: int) -> None:
+        """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
+        self._common.start = stamp
+        self._common.first = stamp if self._loop.start_stamp == WAIT else 0
+        if self._loop.last_index is not None:
+            self._common.end = stamp + self._loop.last_index * self._loop.period_ns
+
+    def trip(self, fault: int) -> None:
+        """Enter a fault: the safe action begins with the next state."""
+        if self.fault == faults.NONE:
+            self._store(tripped(self.state, fault))
+            self._count_fault()
+            self._changed = True
+
+    def refuse(self, fault: int) -> bool:
+        """Leave out a state; enter a fault if all have been left out for long.
+
+        Args:
+            fault: Why it cannot be answered.
+
+        Returns:
+            Whether the states were lost since the last call: then the torque must be zero.
+        """
+        answers, now = self._common.answers, time.monotonic_ns()
+        if self._refused[:2] != (fault, answers):
+            self._refused = fault, answers, now
+        return now - self._refused[2] > REFUSAL_TIMEOUT and self.lose(fault)
+
+    def cause(self) -> int:
+        """Fault whose cause is there now, else NONE: a fault is not cleared while it is."""
+        refused, answers, _ = self._refused
+        if refused != faults.NONE and answers == self._common.answers:
+            return refused
+        return faults.STATES_STALE if self.stale() else self._common.cause
+
+    def place(self, pose: Array) -> None:
+        """Know the pose again, shape (m,): the estimate follows it from there."""
+        self._store(placed(self.state, pose))
+        self._offered, self._told = None, ', '.join(map(repr, pose.tolist()))
+        self._changed = True
+
+    def confirm_pose(self) -> str:
+        """Take the pose that :meth:`find_pose` named first.
+
+        Returns:
+            The reason why not; empty if the pose is known now.
+        """
+        if not self._common.state.lost:
+            return 'the pose is known'
+        if self._offered is None:
+            return 'no pose was named; ~/clear_fault names those that fit the joint angles'
+        self.place(self._offered)
+        return ''
+
+    def pose_near(self, guess: Sequence[float]) -> Array:
+        """The pose nearest to one that the user tells, shape (m,).
+
+        Raises:
+            InputError: the controller is not in a fault, or no pose there fits the joint angles.
+        """
+        key, near = 'controller.guess', np.array(checked(guess, self.configuration.robot))
+        if self.fault == faults.NONE:
+            raise InputError(f'{key} can be set in a fault alone', key)
+        poses = self._modes.all(np.array(self.state.last.position), near)
+        if not poses:
+            raise InputError(f'{key}: no pose there fits the joint angles', key)
+        return poses[0]
+
+    def find_pose(self) -> str:
+        """Find a pose that is lost by the passive joints.
+
+        Returns:
+            What the user has to do if they do not tell it; empty if the pose is known.
+        """
+        state = self.state
+        if not state.lost:
+            return ''
+        position, pose = np.array(state.last.position), self._modes.by_passive_joints(self._heard)
+        if pose is not None and self._modes.is_as(self.configuration.guess, position, pose):
+            self.place(pose)
+            return ''
+        if pose is not None:
+            self._offered = pose
+            return (
+                f'the robot is at {self._modes.told([pose])}, in another assembly mode than that '
+                'in which its motion begins: move it back, or ~/confirm_pose to go on in this one'
+            )
+        poses = self._modes.all(position, np.array(state.pose))
+        if not poses:
+            return 'no pose fits the joint angles: move the robot away from the singularity'
+        self._offered = poses[0]
+        return (
+            f'the pose is not known: the joint angles fit {self._modes.told(poses)}; '
+            f'~/confirm_pose takes the first, controller.guess another'
+        )
+
+    def stale(self) -> bool:
+        """Whether joint states were received but have stopped coming (wall time)."""
+        heard = self._common.heard
+        if not heard or self._loop.lockstep:
+            return False
+        return time.monotonic_ns() - heard > self._state_timeout
+
+    def watch(self) -> bool:
+        """Enter a fault if the joint states are stale.
+
+        Returns:
+            Whether they have become stale since the last call: then the torque must be zero.
+        """
+        return self.stale() and self.lose(self.cause())
+
+    def lose(self, fault: int) -> bool:
+        """Enter a fault because there are no joint states that can be trusted.
+
+        Returns:
+            Whether they were lost since the last call: then the torque must be zero.
+        """
+        if self._lost:
+            return False
+        self._lost = True
+        self.trip(fault)
+        self._store(without_torque(self.state))
+        return True
+
+    def _store(self, state: CycleState) -> None:
+        self._common.state.value = state
+
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""
         if self._pending is None or time.monotonic_ns() - self._answered_at < REPEATED:
@@ -130,7 +341,7 @@ class Controller(ControllerState):
         """Let :meth:`answer` read messages of a layout; `order`: index of each joint in it."""
         self._states = wire_of(layout, STATE_FIELDS, order)
 
-    def prepare_change(self, changes: Mapping[str, Any]) -> Change:
+    def prepare_change(self, changes: Mapping[str, Any]) -> LawCore:
         """Prepare a change of law, gains or preset; :meth:`apply` makes it take effect.
 
         Args:
@@ -145,19 +356,18 @@ class Controller(ControllerState):
         core = self._cores.make(changed)
         if core.law.foreign is not None:
             core.law.foreign.begin()
-        return Change(changed, core)
+        return core
 
-    def apply(self, change: Change) -> None:
+    def apply(self, change: LawCore) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.
 
         See :func:`controller_state.switched`.
         """
-        self.configuration = change.configuration
-        before, after = self._core, change.core
-        if controller_state.same(before.law, after.law):
+        self.configuration, before = change.configuration, self._core
+        if controller_state.same(before.law, change.law):
             return
-        state = controller_state.switched(self.state, before.law, after.law)
-        self._core = after
+        state = controller_state.switched(self.state, before.law, change.law)
+        self._core = change
         self._changed = True
         self._store(state)
 
@@ -198,28 +408,29 @@ class Controller(ControllerState):
         """Take a reference message; False if it must go through :meth:`add_reference`."""
         return self._references.read(data)
 
-    def add_reference(self, stamp: int, reference: JointReference) -> Answer | None:
+    def add_reference(self, stamp: int, reference: JointReference) -> bool:
         """Take a reference sample, possibly out of order; answer a state that waits for it.
 
         Args:
             stamp: Stamp of the reference [ns].
             reference: Desired joint motion at the stamp.
+
+        Returns:
+            Whether a state was answered.
         """
         order = self._references.add(stamp, reference, self._loop.lockstep)
         if order in (LATE, CONTRADICTS):
             self.counts['reference stamps that repeat or go back'] += 1
             if order == CONTRADICTS:
                 self.trip(faults.REFERENCES_DISAGREE)
-            return None
+            return False
         if order == BACK:
             self.counts['reference stamps that jump back'] += 1
         return self.answer_pending()
 
-    def answer_pending(self) -> Answer | None:
-        """Answer a state that waits for its reference (lockstep), if that has arrived."""
-        if self._pending is None or self.answer(self._pending, self._own) <= 0:
-            return None
-        return self._answer()
+    def answer_pending(self) -> bool:
+        """Answer a state that waits for its reference (lockstep); whether that has arrived."""
+        return self._pending is not None and self.answer(self._pending, self._own) > 0
 
     def answer(self, data: bytes, wire: Any = None, now: int = 0) -> int:
         """Answer a state message.
@@ -255,16 +466,19 @@ class Controller(ControllerState):
         self.code = code
         return code
 
-    def add_state(self, stamp: int, measured: JointSample) -> Answer | None:
+    def add_state(self, stamp: int, measured: Sequence[Array]) -> bool:
         """Answer a state that :meth:`answer` did not take, whatever its age.
 
         Args:
             stamp: Stamp of the state [ns].
-            measured: Measured joints at the stamp.
+            measured: Angles [rad], rates [rad/s] and torques [N m] at the stamp, each shape (n,).
+
+        Returns:
+            Whether it was answered.
         """
         common = self._common
         heard, common.heard = common.heard, 0  # it is answered, however late
-        data = self._state_layout.encode(stamp, **measured._asdict())
+        data = self._state_layout.encode(stamp, **dict(zip(STATE_FIELDS, measured, strict=True)))
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = common.last
             if stamp == last and not _equal(self._common.measured, map(np.nan_to_num, measured)):
@@ -282,7 +496,7 @@ class Controller(ControllerState):
             self._pending = data
         if self.code <= 0:
             common.heard = heard
-        return self._answer() if self.code > 0 else None
+        return self.code > 0
 
     def _befall(self, times: HazardTimes, data: bytes) -> int:
         """Let happen what hazards do to a controller before it answers a state."""
@@ -311,12 +525,14 @@ class Controller(ControllerState):
         return REFUSED_LONG if times.loss(sample) and self.lose(reason) else REFUSED
 
     def _count_fault(self) -> None:
-        if self.fault == faults.TORQUE_LOST != self._fault_seen:
+        """Count the present fault, once, by its text."""
+        fault = self.fault
+        if fault == self._fault_seen:
+            return
+        if fault == faults.TORQUE_LOST:
             self._why = self._efforts.told()
-        super()._count_fault()
-
-    def _answer(self) -> Answer:
-        return Answer(self._common.torques.copy(), self.telemetry, self.status)
+        self._fault_seen = fault
+        self.counts[self._faults[fault].text] += 1
 
     def _reset(self) -> None:
         self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))

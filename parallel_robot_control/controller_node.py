@@ -35,7 +35,6 @@ from parallel_robot_control.configuration import (
 from parallel_robot_control.contract import Foreign, JointReference
 from parallel_robot_control.controller import Controller
 from parallel_robot_control.joint_states import UNTOLD, MissingStates, RefusedStates
-from parallel_robot_control.law_core import Answer, JointSample
 from parallel_robot_control.messages import limits_text
 from parallel_robot_control.reference_buffer import REFERENCE_FIELDS
 from parallel_robot_control.ros_controller_topics import LAST_WORD, ControllerTopics
@@ -92,10 +91,11 @@ class ControllerNode(SuiteNode):
         self._reference_reader = JointReader(
             topics.REFERENCE, joints, REFERENCE_FIELDS, self.counts
         )
-        self._topics = ControllerTopics(self, self._controller, not configured.lifecycle)
+        managed = configured.controller.lifecycle
+        self._topics = ControllerTopics(self, self._controller, not managed)
         self._stopped_by_hand = False  # beside the stop of a managed node that is not active
         self._lifecycle: Lifecycle | None = None
-        if configured.lifecycle:
+        if managed:
             self._lifecycle = Lifecycle(self, self._activate, self._deactivate, self.finish)
         stop = self.create_service(Trigger, '~/emergency_stop', self._answer_emergency_stop)
         clear = self.create_service(Trigger, '~/clear_fault', self._answer_clear_fault)
@@ -258,11 +258,11 @@ class ControllerNode(SuiteNode):
             self.counts[DOUBTS[wrong]] += 1
             self._lose_torque(self._controller.refuse(wrong))
         else:
-            self._send(self._controller.add_state(stamp, JointSample(*vectors)))
+            self._send(self._controller.add_state(stamp, vectors))
 
-    def _send(self, sample: Answer | None) -> None:
+    def _send(self, answered: bool) -> None:
         """Publish an answer, if there is one."""
-        if sample is not None:
+        if answered:
             self._topics.publish_answer(self._controller.code)
 
     def _watch(self) -> None:

@@ -11,7 +11,6 @@ from parallel_robot_control.approach import (
     BACK,
     GOES_ON,
     START,
-    ApproachParameters,
     approach_memory,
     approached,
 )
@@ -37,11 +36,12 @@ from parallel_robot_control.safety.checks import (
     momentum_memory,
     ways_memory,
 )
-from parallel_robot_control.safety.limiting import EFFORT, Last
+from parallel_robot_control.safety.limiting import EFFORT, Last, When
 from parallel_robot_control.sense_and_act import act, sense
 from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
+    Boxed,
     FirstClass,
     Struct,
     every,
@@ -79,8 +79,8 @@ class CycleMemory(NamedTuple):
     repetition: Any  # RepetitionMemory
 
 
-def cycle_memory(joints: int, turn: int = 0) -> Struct:
-    """Memory before the first state; `turn`: samples of a turn from which the next one learns."""
+def cycle_memory(joints: int, repetition_memory: Struct) -> Struct:
+    """Memory before the first state; `repetition_memory`: what is remembered of turns."""
     zero = vector(np.zeros(joints))
     return Struct(
         CycleMemory(
@@ -91,35 +91,33 @@ def cycle_memory(joints: int, turn: int = 0) -> Struct:
             ways_memory(zero),
             arrival_memory(),
             momentum_memory(zero),
-            repetition.repetition_memory(joints, turn),
+            repetition_memory,
         )
     )
 
 
-class When(NamedTuple):
-    """Times of a cycle."""
-
-    sample: int  # index of the sample from which on the torque acts
-    age: float  # from the measurement of the state to that sample, as the stamps tell [s]
-    dt: float  # from the measurement of the state before to that of this one [s]
-
-
 class ControlSetup(NamedTuple):
-    """The constant parts of a controller."""
+    """The constant parts of a controller, boxed; parameters as :func:`as_constants`."""
 
     step: Any  # step of the law, as FirstClass
     estimate: Any  # estimate of the robot module, as FirstClass
     ahead: Any  # the same for states that are only judged, as FirstClass
     locate: Any  # its forward kinematics, as FirstClass
-    place: int  # number of the coordinates of the place that the law asks for, see terms.py
     law: Any  # the law itself, an address; of one type for all laws
+    place: int  # number of the coordinates of the place that the law asks for, see terms.py
+    has_model: bool  # whether the law adds what the model knows, see repetition.py
     robot: Any  # constants of the nominal robot, boxed
-    limits: Any  # limits, boxed
-    estimator: Any  # estimator, boxed
-    approach: ApproachParameters  # times over which an offset is faded
-    losing: int  # faults of the robot at which it has no pose, as bits
+    margins: Any  # its SafetyMargins
+    losing: int  # its faults at which it has no pose, as bits
+    period: float  # of the samples [s]
+    turn: int  # samples of a turn from which the next one learns; 0: nothing is learned
+    identifies: bool  # whether the age of the states is identified
+    safety: Any  # SafetyParameters, boxed, as all that follow; see as_limits
+    estimator: Any  # EstimatorParameters, settled
+    lock_in: Any  # LockInParameters
+    approach: Any  # ApproachParameters
+    repetition: Any  # RepetitionParameters but for the period of a turn
     memory: Any  # CycleMemory, a Struct
-    repetition: Any  # what is learned from turn to turn, boxed
 
 
 class Cycle(NamedTuple):
@@ -192,7 +190,7 @@ def before_cycle(state: CycleState, torque: Array, cause: int, joins: bool) -> C
 
 @kernel
 def run_cycle(
-    setup: ControlSetup,
+    setup: Any,
     desired: JointReference,
     position: Array,
     velocity: Array,
@@ -209,7 +207,7 @@ def run_cycle(
     The memories of the law, which is not called in a fault, and of the cycle are written in place.
 
     Args:
-        setup: Law, robot and limits.
+        setup: The ControlSetup, boxed.
         desired: Desired joint motion at the sample from which on the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -218,27 +216,15 @@ def run_cycle(
         state: State of the controller after the cycle before.
         when: Age of the state, time since the one before.
     """
-    limits, estimator, memory, dt = setup.limits, setup.estimator, setup.memory, when.dt
+    safety, estimator, memory, dt = setup.safety, setup.estimator, setup.memory, when.dt
     position = position - estimator.zero_angle
-    identified, known, filter_ = estimator.lock_in, state.last.known, estimator.kalman
-    if identified.on:
-        lock_in.begin(identified, when.sample, known, state.fault != faults.NONE, position)
-    delay = lock_in.delay_at(identified, estimator.delay, known)
-    tracks, late = estimator.kind == KALMAN, when.age + delay
+    known, identifies = state.last.known, setup.identifies
+    if identifies:
+        lock_in.begin(setup, when.sample, known, state.fault != faults.NONE)
+    tracks, late = estimator.kind == KALMAN, when.age + lock_in.delay_at(setup, known)
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
-    gap, last, begun = known and dt > limits.gap, state.last, state.begins
-    told = arrival(
-        memory.arrival,
-        memory.torques,
-        filter_.period,
-        limits.effort_tolerance,
-        effort,
-        when.sample,
-        when.age,
-        known,
-        known and not gap,
-        dt,
-    )
+    gap, last, begun = known and dt > safety.gap, state.last, state.begins
+    told = arrival(setup, effort, when, known, known and not gap)
     excess, anew = state.excess + told.missing, False
     if (gap or told.back) and state.fault == faults.NONE:
         last, begun, anew = taking_over(last, effort), BACK, True
@@ -251,48 +237,24 @@ def run_cycle(
     # 2. Velocity, reference, pose, model and faults of the robot.
     found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
-        found = estimated(estimator, state.estimated, state.last.known, position, dt)
+        found = estimated(estimator, state.estimated, known, position, dt)
         velocity = found.velocity
-    if tracks and not filter_.velocities:
+    if tracks and not estimator.velocities:
         velocity = np.zeros_like(velocity)
-        if kalman.running(filter_, when.sample, state.last.known):
+        if kalman.running(memory.torques, when.sample, known):
             velocity = memory.kalman.mean.velocity
     joined = approached(setup.approach, memory.approach, begun, desired, position, velocity, since)
     reference = moved_on(joined, -late)
     error = position - reference.position
-    measured = estimator.kind == NONE or estimator.kind == AGED or (tracks and filter_.velocities)
-    wrong = inconsistent(
-        memory.ways,
-        limits.rate_tolerance,
-        position,
-        velocity,
-        last.position,
-        known and measured and not gap,
-        dt,
+    measured = (
+        estimator.kind == NONE or estimator.kind == AGED or (tracks and estimator.velocities)
     )
-    obeys = told.waits or told.spell < limits.effort_timeout
+    comparable = known and measured and not gap
+    wrong = inconsistent(setup, position, velocity, last.position, comparable, dt)
+    obeys = told.waits or told.spell < safety.effort_timeout
     doubt = select(obeys, wrong, faults.TORQUE_LOST)
     sensed = sense(
-        setup.estimate,
-        setup.ahead,
-        setup.robot,
-        limits,
-        desired,
-        position,
-        velocity,
-        state.pose,
-        last,
-        state.fault,
-        doubt,
-        dt,
-        since,
-        late,
-        state.lost,
-        setup.losing,
-        memory.momentum,
-        when.sample,
-        select(effort - effort == 0.0, effort, last.torque),
-        known and not gap,
+        setup, state, last, desired, position, velocity, effort, doubt, when, since, late
     )
     zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
     if setup.place != NO_PLACE and sensed.fault == faults.NONE:
@@ -302,9 +264,9 @@ def run_cycle(
         feedback, wanted = Feedback(position, velocity, excess, zero, place, when.age), joined
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
-        reference = moved_on(joined, filter_.command_delay + filter_.lag)
+        reference = moved_on(joined, estimator.command_delay + estimator.lag)
         motion = kalman.predicted(
-            filter_,
+            setup,
             sensed.model,
             joined,
             position,
@@ -313,7 +275,7 @@ def run_cycle(
             told.missing,
             known,
             when.sample,
-            late + filter_.command_delay,
+            late + estimator.command_delay,
             dt,
         )
         feedback = Feedback(
@@ -322,60 +284,34 @@ def run_cycle(
         wanted = reference
     # 3. The torque that the law asks for; in a fault it is not called.
     asked, learned, correction = Asked(position, position, position), zero, zero
-    repeats = setup.repetition
+    repeats = setup.turn > 0
     if sensed.fault == faults.NONE:
         output = setup.step(setup.law, sensed.model, wanted, feedback, anew, dt)
         in_vain = told.spell > 0.0 and not told.waits
         demand = output.torque
-        if repeats.on:
+        if repeats:
             alone = begun == GOES_ON and every(joined.position == desired.position)
             learned = repetition.recalled(
-                repeats, when.sample, known, alone, last.takes_over, desired
+                setup, when.sample, known, alone, last.takes_over, desired
             )
-            correction = repetition.correction(repeats, sensed.model, reference, feedback, demand)
+            correction = repetition.correction(setup, sensed.model, reference, feedback, demand)
             demand = demand + learned
         torque = select(in_vain, last.torque, demand)
-        if identified.on:
-            torque = torque + lock_in.added(identified, when.sample)
+        if identifies:
+            torque = torque + lock_in.added(setup, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
     # 4. The same within the limits, or the safe action.
-    done = act(
-        limits,
-        desired,
-        position,
-        velocity,
-        last,
-        state.held,
-        state.fault,
-        sensed.fault,
-        wrong != faults.NONE,
-        sensed.model.gravity,
-        asked,
-        dt,
-    )
+    blind = wrong != faults.NONE
+    done = act(setup, state, last, desired, position, velocity, sensed, blind, asked, dt)
     # Also without a filter: a law that comes next may have one.
-    recent_torques.remember(
-        memory.torques, when.sample, done.torque, learned, tracks, filter_.lag, filter_.period
-    )
-    if repeats.on and done.fault == faults.NONE:
-        finds = lock_in.phase(identified, when.sample)
+    recent_torques.remember(setup, when.sample, done.torque, learned, tracks)
+    if repeats and done.fault == faults.NONE:
+        finds = lock_in.phase(setup, when.sample)
         believed = done.acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
-        repetition.learn(
-            repeats, when.sample, desired, learned, correction, believed, limits.torque
-        )
-    if identified.on:
-        lock_in.observe(
-            identified,
-            when.sample,
-            sensed.model,
-            error,
-            done.torque,
-            when.age,
-            filter_.command_delay,
-            filter_.lag,
-            estimator.delay,
-            done.fault != faults.NONE,
-        )
+        repetition.learn(setup, when.sample, desired, learned, correction, believed)
+    if identifies:
+        failed = done.fault != faults.NONE
+        lock_in.observe(setup, when.sample, sensed.model, error, done.torque, when.age, failed)
     return Cycle(
         done.torque,
         done.sliding_variable,
@@ -395,11 +331,11 @@ def run_cycle(
     )
 
 
-def cycle_of(setup: ControlSetup, state: CycleState) -> FirstClass:
+def cycle_of(setup: Boxed, state: CycleState) -> FirstClass:
     """The cycle as a value, so that loops are not compiled with all of it inside.
 
     Args:
-        setup: Law, robot and limits.
+        setup: The ControlSetup.
         state: State of the controller.
     """
     row = state.held

@@ -12,12 +12,8 @@ from typing import Any, NamedTuple
 from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import Control, assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
-from parallel_robot_control.cycle import ControlSetup, cycle_of
-from parallel_robot_control.estimation.estimator import Estimator
-from parallel_robot_control.messages import Status, Telemetry
+from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.prepared_law import PreparedLaw, renewed
-from parallel_robot_control.safety.limiting import Limits
-from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, FirstClass, Struct, entry_point
 
 
@@ -25,54 +21,48 @@ class Core(NamedTuple):
     """A law with everything that its cycle needs, boxed; of one type for all laws."""
 
     cycle: FirstClass
-    setup: ControlSetup
+    setup: Boxed  # ControlSetup
     common: Struct  # see answer_kernel.Common
 
 
 class LawCore:
     """The compiled core with one law; the cores of all laws share the rest."""
 
-    def __init__(self, control: Control, common: Struct, wire: Boxed) -> None:
+    def __init__(
+        self, configuration: ControlConfiguration, control: Control, common: Struct, wire: Boxed
+    ) -> None:
         """Make the core, and compile the kernels that use it, which are those of all laws.
 
         Args:
+            configuration: Configuration of the controller.
             control: Law, robot, limits.
             common: See Common.
             wire: Layout of the state messages, see Wire.
         """
-        self.law, self._setup, self._common = control.law, control.setup, common
+        self.configuration = configuration  # with this law
+        self.law, self.setup, self._common = control.law, control.setup, common
         self._cycle = cycle_of(control.setup, control.state)
         self._core = Boxed(Core(self._cycle, control.setup, common))
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
 
-    def again(self, law: PreparedLaw, setup: ControlSetup) -> LawCore:
+    def again(
+        self, configuration: ControlConfiguration, law: PreparedLaw, setup: Boxed
+    ) -> LawCore:
         """Another core, with the same kernels."""
         other = copy.copy(self)
-        other.law, other._setup = law, setup
+        other.configuration, other.law, other.setup = configuration, law, setup
         core = Core(self._cycle, setup, self._common)
         other._core = Boxed(core, self._core._numba_type_)
         return other
 
-    def renewed(self, law: PreparedLaw) -> LawCore:
+    def renewed(self, configuration: ControlConfiguration, law: PreparedLaw) -> LawCore:
         """The core of the same law with other gains."""
-        return self.again(law, self._setup._replace(law=law.law))
+        return self.again(configuration, law, Boxed(self.setup.value._replace(law=law.law)))
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""
         code: int = self._answer(self._core, wire, data, now, monotonic)
         return code
-
-    @property
-    def limits(self) -> Limits:
-        """Limits that the kernels apply."""
-        limits: Limits = self._setup.limits.value
-        return limits
-
-    @property
-    def estimator(self) -> Estimator:
-        """Where the motion of the joints is known from."""
-        estimator: Estimator = self._setup.estimator.value
-        return estimator
 
 
 # The compiled cores of a controller's laws, made at its start.
@@ -116,44 +106,14 @@ class LawCores:
         made = self._made.get(name)
         known = made and renewed(made.law, configuration.laws[name], configuration.gains[name])
         if made and known:
-            core = made.renewed(known)
+            core = made.renewed(configuration, known)
         else:
             control = assemble(configuration, name, self._memory)
             if self._first is None:
-                self._first = LawCore(control, self._common, self._wire)
-            core = self._first.again(control.law, control.setup)
+                self._first = LawCore(configuration, control, self._common, self._wire)
+            core = self._first.again(configuration, control.law, control.setup)
         self._made[name] = core
         return core
 
 
-# What goes into a controller and comes out of it.
-
 STATE_FIELDS = ('position', 'velocity', 'effort')
-
-
-class JointSample(NamedTuple):
-    """Measured joints at one time: [rad], [rad/s], [N m], each shape (n,)."""
-
-    position: Array
-    velocity: Array
-    effort: Array
-
-
-class Answer(NamedTuple):
-    """Answer to one state: the torque [N m], shape (n,), and its telemetry."""
-
-    torque: Array
-    telemetry: Telemetry
-    status: Status
-
-
-class Change(NamedTuple):
-    """An accepted change of law or gains: the new configuration and the compiled law."""
-
-    configuration: ControlConfiguration
-    core: LawCore
-
-    @property
-    def law(self) -> PreparedLaw:
-        """The law."""
-        return self.core.law

@@ -27,7 +27,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import Feedback, JointReference, Law
+from parallel_robot_control.contract import Feedback, JointReference
+from parallel_robot_control.estimation.recent_torques import samples_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
@@ -74,22 +75,6 @@ class RepetitionParameters(NamedTuple):
     ]
 
 
-class Repetition(NamedTuple):
-    """The same as the kernels take it."""
-
-    on: bool  # whether anything is learned
-    gain: float  # share of a correction that is learned
-    turn: int  # samples of a turn
-    lead: int  # samples by which a correction comes late
-    wait: int  # samples before it learns
-    fade: float  # change of the weight in a sample
-    period: float  # of the samples [s]
-    model: bool  # whether the law adds what the model knows; if not, that is learned, too
-    side: int  # samples to either side of the one for which Q is computed
-    weights: Array  # weights of Q, from its centre on, shape (side + 1,)
-    memory: Any  # its RepetitionMemory, a Struct
-
-
 class RepetitionMemory(NamedTuple):
     """What was learned of a turn of T samples, as a Struct; a row a sample, shape (T, n)."""
 
@@ -99,15 +84,26 @@ class RepetitionMemory(NamedTuple):
     calm: int  # since how many samples the law has been alone
     weight: float  # of what was learned
     model: bool  # whether the law knows the model
+    weights: Array  # of Q, from its centre on, shape (side + 1,)
     reference: Array  # [rad]; NaN where nothing was learned
     learned: Array  # [N m]
     added: Array  # what Q makes of it [N m]
 
 
-def repetition_memory(joints: int, turn: int) -> Struct:
-    """Before the first turn, of so many samples; 0 where nothing is learned."""
+def repetition_memory(
+    parameters: RepetitionParameters, joints: int, turn: int, period: float
+) -> Struct:
+    """Before the first turn.
+
+    Args:
+        parameters: The parameters.
+        joints: Number of the actuated joints, n.
+        turn: Samples of a turn, of :func:`turn_of`; 0 where nothing is learned.
+        period: Control period [s].
+    """
+    weights = weights_of(parameters.cutoff, period) if turn else np.ones(1)
     rows = [np.zeros((turn, joints)) for _ in range(3)]
-    return Struct(RepetitionMemory(0, 0, 0, 0, 0.0, False, *rows))
+    return Struct(RepetitionMemory(0, 0, 0, 0, 0.0, False, weights, *rows))
 
 
 def turn_of(parameters: RepetitionParameters, trajectory: Trajectory, period: float) -> int:
@@ -174,37 +170,9 @@ def weights_of(cutoff: float, period: float) -> Array:
     return weights
 
 
-def repetition_of(
-    parameters: RepetitionParameters, turn: int, law: Law, period: float, memory: Struct
-) -> Repetition:
-    """Make what the kernels take.
-
-    Args:
-        parameters: The parameters.
-        turn: Samples of a turn, of :func:`turn_of`.
-        law: The law; one with ``MODEL = False`` does not add what the model knows.
-        period: Control period [s].
-        memory: A RepetitionMemory, which laws that follow each other share.
-    """
-    weights = weights_of(parameters.cutoff, period) if turn else np.ones(1)
-    return Repetition(
-        turn > 0,
-        parameters.gain,
-        turn,
-        round(parameters.lead / period),
-        round(parameters.wait / period),
-        period / FADE,
-        period,
-        bool(getattr(law, 'MODEL', True)),  # optional in the contract
-        len(weights) - 1,
-        weights,
-        memory,
-    )
-
-
 @inner
 def recalled(
-    repetition: Repetition,
+    setup: Any,
     sample: int,
     known: bool,
     alone: bool,
@@ -214,100 +182,108 @@ def recalled(
     """Torque that is added at a sample [N m], shape (n,).
 
     Args:
-        repetition: The parameters.
+        setup: The ControlSetup.
         sample: Index of the sample.
         known: Whether there was a state before.
         alone: Whether the desired motion is followed without an approach.
         switched: Whether law or gains are new.
         reference: The desired motion.
     """
-    at, zero = repetition.memory, np.zeros_like(reference.position)
+    at, turn, zero = setup.memory.repetition, setup.turn, np.zeros_like(reference.position)
     # 1. A memory that is empty: its rows are emptied one by one, before each is used.
-    if not known or sample <= at.newest or at.model != repetition.model:
-        at.next = sample - repetition.lead - 2 * repetition.side
-        at.stop = at.next + repetition.turn
-        at.newest, at.calm, at.weight, at.model = sample, 0, 0.0, repetition.model
+    if not known or sample <= at.newest or at.model != setup.has_model:
+        at.next = sample - samples_of(setup, setup.repetition.lead) - 2 * _side(at)
+        at.stop = at.next + turn
+        at.newest, at.calm, at.weight, at.model = sample, 0, 0.0, setup.has_model
     stop = min(at.stop, sample + 1)
     for k in range(at.next, stop):
-        write_row(at.reference, k % repetition.turn, zero + np.nan)
-        write_row(at.learned, k % repetition.turn, zero)
-        write_row(at.added, k % repetition.turn, zero)
+        write_row(at.reference, k % turn, zero + np.nan)
+        write_row(at.learned, k % turn, zero)
+        write_row(at.added, k % turn, zero)
     at.next = max(at.next, stop)
     # 2. How long nothing has disturbed the law, and how much of what it learned counts.
     at.calm = select(alone and not switched, at.calm + (sample - at.newest), 0)
-    ready = at.weight > 0.0 or at.calm >= repetition.wait
-    comes = _repeated(repetition, sample, reference) and ready
-    fade = select(comes, repetition.fade, -repetition.fade)
+    ready = at.weight > 0.0 or at.calm >= samples_of(setup, setup.repetition.wait)
+    comes = _repeated(setup, sample, reference) and ready
+    fade = setup.period / FADE
+    fade = select(comes, fade, -fade)
     at.weight = select(alone, clip(at.weight + fade, 0.0, 1.0), 0.0)
     at.newest = sample
-    return at.weight * read_row(at.added, sample % repetition.turn, zero)
+    return at.weight * read_row(at.added, sample % turn, zero)
 
 
 @inner
 def correction(
-    repetition: Repetition,
+    setup: Any,
     model: Model,
     reference: JointReference,
     feedback: Feedback,
     torque: Array,
 ) -> Array:
     """What of the torque of a law corrects [N m], shape (n,); arguments as of its update."""
-    if not repetition.model:
+    if not setup.has_model:
         return torque
     return torque - inverse_dynamics(model, reference.acceleration, feedback.velocity)
 
 
 @inner
 def learn(
-    repetition: Repetition,
+    setup: Any,
     sample: int,
     reference: JointReference,
     added: Array,
     correction: Array,
     believed: bool,
-    limit: Array,
 ) -> None:
     """Take a sample into account, and find what the next turn adds.
 
     Args:
-        repetition: The parameters.
+        setup: The ControlSetup.
         sample: Index of the sample.
         reference: The desired motion.
         added: What :func:`recalled` returned [N m], shape (n,).
         correction: Torque of the law beyond what the model knows [N m], shape (n,).
         believed: Whether it is known that the correction was applied.
-        limit: Largest torque [N m], shape (n,); no more is learned.
     """
-    at, turn, gain = repetition.memory, repetition.turn, repetition.gain
-    if at.calm < repetition.wait:
+    at, turn, gain = setup.memory.repetition, setup.turn, setup.repetition.gain
+    limit = setup.safety.torque_limit
+    lead = samples_of(setup, setup.repetition.lead)
+    wait = samples_of(setup, setup.repetition.wait)
+    if at.calm < wait:
         return
     row, zero = sample % turn, np.zeros_like(added)
     before = read_row(at.added, row, zero)
-    before = select(_repeated(repetition, sample, reference), before, zero)
+    before = select(_repeated(setup, sample, reference), before, zero)
     write_row(at.learned, row, before + gain * (added - before))
     write_row(at.reference, row, reference.position)
-    late = sample - repetition.lead
-    if believed and at.calm >= repetition.wait + repetition.lead:
+    late = sample - lead
+    if believed and at.calm >= wait + lead:
         learned = read_row(at.learned, late % turn, zero) + gain * correction
         write_row(at.learned, late % turn, clip(learned, -limit, limit))
-    centre = (late - repetition.side) % turn
-    write_row(at.added, centre, _filtered(repetition, centre, zero))
+    centre = (late - _side(at)) % turn
+    write_row(at.added, centre, _filtered(at, centre, turn, zero))
 
 
 @inner
-def _repeated(repetition: Repetition, sample: int, reference: JointReference) -> bool:
+def _side(memory: Any) -> int:
+    """Samples to either side of the one for which Q is computed."""
+    return len(memory.weights) - 1
+
+
+@inner
+def _repeated(setup: Any, sample: int, reference: JointReference) -> bool:
     """Whether the reference is that of the last turn."""
-    row = sample % repetition.turn
-    off = reference.position - read_row(repetition.memory.reference, row, reference.position)
-    return every(np.abs(off) <= SAME + repetition.period * np.abs(reference.velocity))
+    before = read_row(setup.memory.repetition.reference, sample % setup.turn, reference.position)
+    off = reference.position - before
+    return every(np.abs(off) <= SAME + setup.period * np.abs(reference.velocity))
 
 
 @inner
-def _filtered(repetition: Repetition, centre: int, like: Array) -> Array:
+def _filtered(memory: Any, centre: int, turn: int, like: Array) -> Array:
     """What Q makes of all that was learned, at a row of the turn [N m], shape (n,)."""
-    turn, rows, weights = repetition.turn, repetition.memory.learned, repetition.weights
+    rows, weights = memory.learned, memory.weights
     found = weights[0] * read_row(rows, centre, like)
-    for k in range(1, repetition.side + 1):
+    for k in range(1, len(weights)):
         left, right = centre - k, centre + k
         left, right = (
             select(left < 0, left + turn, left),

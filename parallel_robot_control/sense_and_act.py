@@ -19,7 +19,7 @@ from parallel_robot_control.safety.checks import (
 from parallel_robot_control.safety.limiting import (
     ZERO,
     Last,
-    Limits,
+    When,
     find_fault,
     limit_torque,
     safe_torque,
@@ -45,61 +45,54 @@ class Sensed(NamedTuple):
 
 @inner
 def sense(
-    estimate: Any,
-    ahead: Any,
-    robot: Any,
-    limits: Limits,
+    setup: Any,
+    state: Any,
+    last: Last,
     reference: JointReference,
     position: Array,
     velocity: Array,
-    pose: Array,
-    last: Last,
-    latched: int,
+    effort: Array,
     doubt: int,
-    dt: float,
+    when: When,
     since: float,
     late: float,
-    lost: bool,
-    losing: int,
-    memory: Any,
-    sample: int,
-    acted: Array,
-    comparable: bool,
 ) -> Sensed:
     """Find the pose, look for faults, compute the model.
 
-    Arguments as of :func:`cycle.run_cycle`, and of the state only what counts: a whole one takes
-    long to hand over. `doubt` is a fault that torques and states show, `since` the time between
-    the moments of the two references [s]. A fault in the motion of the joints comes before that,
-    one of the robot after it, one ahead of the robot last. `memory` is that of
-    the momentum, `acted` is the torque since the state
-    before [N m], and `comparable` whether there was one not long before.
+    A fault in the motion of the joints comes before one that torques and states show, one of the
+    robot after it, one ahead of the robot last.
+
+    Args:
+        setup: The ControlSetup.
+        state: The CycleState after the cycle before.
+        last: What that cycle saw and did, as the law goes on from it.
+        reference: Desired joint motion.
+        position: Measured angles [rad], shape (n,).
+        velocity: Measured rates [rad/s], shape (n,).
+        effort: Torque since the state before [N m], shape (n,); NaN where it is not known.
+        doubt: Fault that torques and states show, else NONE.
+        when: Times of the cycle.
+        since: Time between the moments of this reference and the last one [s].
+        late: From the measurement to the moment at which the torque acts [s].
     """
-    here = estimate(robot, limits.margins, position, velocity, pose)
-    cause = find_fault(limits, reference, position, velocity, last, dt, since)
+    safety, losing = setup.safety, setup.losing
+    here = setup.estimate(setup.robot, setup.margins, position, velocity, state.pose)
+    cause = find_fault(safety, reference, position, velocity, last, when.dt, since)
     cause = select(cause == faults.NONE, doubt, cause)
     cause = select(cause == faults.NONE, here.fault, cause)
-    if cause == faults.NONE and way_to_rest(limits, multiply(here.model.M, velocity)) > SHORT:
-        fast = too_fast(ahead, robot, limits, position, velocity, here, last, late)
+    if cause == faults.NONE and way_to_rest(safety, multiply(here.model.M, velocity)) > SHORT:
+        fast = too_fast(setup, position, velocity, here, last, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
-    if some(np.abs(acted) > LOOKED_AT * limits.residual):
-        resisted = is_resisted(
-            memory,
-            sample,
-            limits.residual,
-            limits.safe.damping,
-            here.model,
-            velocity,
-            acted,
-            comparable,
-            dt,
-        )
+    acted = select(effort - effort == 0.0, effort, last.torque)
+    if some(np.abs(acted) > LOOKED_AT * safety.residual_limit):
+        comparable = last.known and not when.dt > safety.gap
+        resisted = is_resisted(setup, here.model, velocity, acted, when, comparable)
         if resisted and cause == faults.NONE:
             cause = faults.TORQUE_RESISTED
-    fault = select(latched == faults.NONE, cause, latched)
-    leap = select(limits.speed * dt < LEAP, LEAP, limits.speed * dt)
+    fault = select(state.fault == faults.NONE, cause, state.fault)
+    leap = select(safety.speed_limit * when.dt < LEAP, LEAP, safety.speed_limit * when.dt)
     leapt = last.known and some(np.abs(position - last.position) > leap)
-    lost = lost | ((losing >> here.fault) & 1 != 0) | (leapt and losing != 0)
+    lost = state.lost | ((losing >> here.fault) & 1 != 0) | (leapt and losing != 0)
     return Sensed(cause, fault, here.pose, here.model, lost)
 
 
@@ -121,46 +114,43 @@ class Limited(NamedTuple):
 
 @inner
 def act(
-    limits: Limits,
+    setup: Any,
+    state: Any,
+    last: Last,
     reference: JointReference,
     position: Array,
     velocity: Array,
-    last: Last,
-    held: Array,
-    latched: int,
-    fault: int,
+    sensed: Sensed,
     blind: bool,
-    gravity: Array,
     asked: Asked,
     dt: float,
 ) -> Limited:
     """Limit the torque that the law asks for, or replace it with the safe action.
 
     Args:
-        limits: Limits, safe action and margins.
+        setup: The ControlSetup.
+        state: The CycleState after the cycle before.
+        last: What that cycle saw and did, as the law goes on from it.
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        last: What the cycle before saw and did.
-        held: Joint angles at the moment of the fault [rad], shape (n,).
-        latched: Fault after the cycle before.
-        fault: Fault before the law was asked.
+        sensed: What is known of the robot.
         blind: Whether positions and rates are not to be believed: then nothing is damped.
-        gravity: Torque that holds the robot against gravity [N m], shape (n,).
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
     """
+    safety, fault = setup.safety, sensed.fault
     demand, sliding_variable, coupled_error = asked
     # 1. A demand that is not finite is a fault, too.
     finite = is_finite(demand)
     fault = select((fault == faults.NONE) & (finite == False), faults.TORQUE_NOT_FINITE, fault)  # noqa: E712
     # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
     failed = fault != faults.NONE
-    new = failed & ((latched == faults.NONE) | (last.known == False))  # noqa: E712
-    held = select(new, position, held)
+    new = failed & ((state.fault == faults.NONE) | (last.known == False))  # noqa: E712
+    held = select(new, position, state.held)
     zero = np.zeros_like(position)
-    safe = select(blind, zero, safe_torque(limits.safe, held, position, velocity))
-    safe = safe + select(limits.safe.action == ZERO, zero, gravity)
+    safe = select(blind, zero, safe_torque(safety, held, position, velocity))
+    safe = safe + select(safety.action == ZERO, zero, sensed.model.gravity)
     demand = select(failed, safe, demand)
     sliding_variable = select(failed, zero, sliding_variable)
     coupled_error = select(failed, reference.position - position, coupled_error)
@@ -168,6 +158,6 @@ def act(
     takes_over = last.takes_over & (fault == faults.NONE)
     last = Last(last.position, last.reference, last.torque, offset, takes_over, last.known)
     # 3. The limits; the next cycle continues from what they let through.
-    torque, excess, offset, acted = limit_torque(limits, demand, last, dt)
+    torque, excess, offset, acted = limit_torque(safety, demand, last, setup.period, dt)
     last = Last(position, reference.position, torque, offset, False, True)
     return Limited(torque, sliding_variable, coupled_error, acted, last, excess, held, fault)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import ControlSetup, CycleState, When, cycle_of
+from parallel_robot_control.cycle import CycleState, cycle_of
 from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.limiting import REFERENCE
+from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_sim.configuration import Plant
@@ -160,7 +160,7 @@ def _joined(parts: list[ClosedLoopRun]) -> ClosedLoopRun:
 def compiled_loop(
     run_cycle: Any,
     step: Any,
-    control: ControlSetup,
+    control: Any,
     plant: PlantSetup,
     reference: Reference,
     heard: Heard,
@@ -250,9 +250,7 @@ def compiled_loop(
         asked = torque
         if hazards.on:
             came, newest = commanded(hazards, sample, answered, torque, waiting)
-            asked, waiting = waited(
-                plant.patience, waiting, came, newest, true.position, true.velocity
-            )
+            asked, waiting = waited(plant, waiting, came, newest, true.position, true.velocity)
         state = step(plant, state, asked, period)
     return ClosedLoopRun(
         pose,

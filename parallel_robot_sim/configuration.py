@@ -12,9 +12,9 @@ from parallel_robot_control import configuration as control
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.configuration import ControlConfiguration, ControllerParameters
 from parallel_robot_control.contract import Law
-from parallel_robot_control.safety.limiting import SafetyParameters, safe_action
+from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.compiler import Boxed, as_constants, vector
 from parallel_robot_model.configuration.fields import (
     Declared,
     Groups,
@@ -37,7 +37,7 @@ from parallel_robot_model.robots.joint_load import (
 from parallel_robot_model.robots.registry import RobotModel, robot_of, robot_with
 from parallel_robot_model.robots.robot_checks import refuse_mistakes
 from parallel_robot_sim.drive_step import with_steps
-from parallel_robot_sim.hazards import Patience, table_of
+from parallel_robot_sim.hazards import table_of
 from parallel_robot_sim.imperfections import (
     ActuatorParameters,
     ComplianceParameters,
@@ -49,7 +49,7 @@ from parallel_robot_sim.imperfections import (
     imperfections,
     yielding,
 )
-from parallel_robot_sim.plant import MUJOCO, PlantParameters, PlantSetup, PlantState, stepping
+from parallel_robot_sim.plant import MUJOCO, PlantParameters, PlantSetup, PlantState
 from trajectory_gen import configuration as motion
 from trajectory_gen import preflight
 from trajectory_gen.shapes import SHAPES, Shape, shapes
@@ -272,26 +272,22 @@ def assemble_plant(configuration: PlantConfiguration) -> Plant:
         start = vector(module.start(parameters, pose))
     refuse_mistakes(robot, configuration.load, pose)
     still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))
+    own, joints = configuration.parameters, len(loop.joints)
     setup = PlantSetup(
         robot.kernel('acceleration', load, start, still, torque, 0.0),
         robot.kernel('measure', start, still),
-        stepping(configuration.parameters),
+        Boxed(as_constants(own)),
         robot.constants,
         load,
-        Boxed(imperfections.with_memory(torque)),
-        Boxed(
-            Patience(
-                max(1, round(configuration.parameters.command_timeout / loop.period)),
-                safe_action(configuration.parameters.timeout_action, configuration.safety),
-            )
-        ),
+        imperfections.constants(joints),
+        Boxed(as_constants(configuration.safety._replace(action=own.timeout_action))),
+        max(1, round(own.command_timeout / loop.period)),
         Boxed(table_of(hazards, loop.joints, loop.period)),
     )
     state = PlantState(start, still, torque, 0.0)
     if flexible:
-        fine = with_steps(drive, setup, state, loop.period, setup.stepping.substeps)
-        boxed = Boxed(imperfections._replace(drive=fine).with_memory(torque))
-        setup = setup._replace(imperfections=boxed)
+        fine = with_steps(drive, setup, state, loop.period, own.substeps)
+        setup = setup._replace(imperfections=imperfections._replace(drive=fine).constants(joints))
     return Plant(setup, state, hazards, configuration.safety)
 
 

@@ -30,7 +30,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, read_row, select, vector, write_row
+from parallel_robot_model.compiler import clip, inner, kernel, read_row, select, write_row
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.imperfections import Drive
 from parallel_robot_sim.noise_and_delay import (
@@ -65,33 +65,33 @@ def _bristles(setup: Any, joints: Measurement, sample: int) -> Array:
 
 
 @inner
-def _spring(drive: Drive, twist: Array, rate: Array) -> Array:
+def _spring(drive: Any, twist: Array, rate: Array) -> Array:
     """Torque of the gears [N m], shape (n,), at their twist [rad] and its rate [rad/s]."""
-    half = 0.5 * vector(drive.backlash)
+    half = 0.5 * drive.gear.backlash
     pressed = twist - clip(twist, -half, half)
-    torque = vector(drive.stiffness) * pressed + vector(drive.damping) * rate
+    torque = drive.gear.stiffness * pressed + drive.gear.damping * rate
     pushing = select(pressed * torque > 0.0, torque, 0.0)
     return select(half > 0.0, pushing, torque)
 
 
 @inner
-def _slip(drive: Drive, velocity: Array) -> Array:
+def _slip(drive: Any, velocity: Array) -> Array:
     """Rate at which bristles yield, stiffness |v| / g [1/s], shape (n,)."""
     friction = drive.friction
     share = velocity / friction.stribeck_velocity
-    held = vector(friction.coulomb) + vector(friction.stribeck) * np.exp(-share * share)
-    stiffness = vector(drive.bristle_stiffness)
+    held = friction.coulomb + friction.stribeck * np.exp(-share * share)
+    stiffness = drive.bristles.stiffness
     return select(stiffness > 0.0, stiffness * np.abs(velocity) / held, 0.0)
 
 
 @inner
-def _bent(drive: Drive, bristles: Array, velocity: Array, time: float) -> Array:
+def _bent(drive: Any, bristles: Array, velocity: Array, time: float) -> Array:
     """Bristles after a time [s] at a velocity, exactly: z + (v - s z) (1 - exp(-s t)) / s."""
     slip = _slip(drive, velocity)
     x = slip * time
     share = select(x > SHORT, (1.0 - np.exp(-x)) / x, 1.0 - x / 2.0 + x * x / 6.0)
     bent = bristles + share * time * (velocity - slip * bristles)
-    return select(vector(drive.bristle_stiffness) > 0.0, bent, 0.0)
+    return select(drive.bristles.stiffness > 0.0, bent, 0.0)
 
 
 @kernel
@@ -116,9 +116,9 @@ def flexed(
         period: Its length [s].
     """
     drive, sample = setup.imperfections.drive, sample_at(time, period)
-    flexible = vector(drive.stiffness) > 0.0
-    inertia = vector(drive.rotor_inertia)
-    stiff, damped = vector(drive.bristle_stiffness), vector(drive.bristle_damping)
+    flexible = drive.gear.stiffness > 0.0
+    inertia = drive.gear.rotor_inertia
+    stiff, damped = drive.bristles.stiffness, drive.bristles.damping
     q, v, t, h = coordinates, rate, time, period / drive.substeps
     joints = setup.measure(setup.robot, q, v)
     angle, speed = rotors(setup, joints, sample)
@@ -195,7 +195,7 @@ def with_steps(drive: Drive, setup: Any, state: Any, period: float, least: int) 
             f'compliance or stiction is too stiff: {fastest:.3g} rad/s need {needed:.4g} '
             f'integration steps in a period, at most {MOST}; take less stiffness or damping, or '
             'a shorter period',
-            'compliance.stiffness' if any(drive.stiffness) else 'stiction.stiffness',
+            'compliance.stiffness' if any(drive.gear.stiffness) else 'stiction.stiffness',
         )
     return drive._replace(substeps=max(least, math.ceil(needed)))
 
@@ -203,8 +203,11 @@ def with_steps(drive: Drive, setup: Any, state: Any, period: float, least: int) 
 @np.errstate(over='ignore', divide='ignore', invalid='ignore')
 def _fastest(drive: Drive, mobility: Array) -> float:
     """Largest eigenvalue of gears and sticking joints, linear about rest [rad/s]."""
-    K, D, J = (np.array(each) for each in (drive.stiffness, drive.damping, drive.rotor_inertia))
-    own, damped = np.array(drive.bristle_stiffness), np.array(drive.bristle_damping)
+    K, D, J = (
+        np.array(each)
+        for each in (drive.gear.stiffness, drive.gear.damping, drive.gear.rotor_inertia)
+    )
+    own, damped = np.array(drive.bristles.stiffness), np.array(drive.bristles.damping)
     zero = np.zeros_like(mobility)
     back = np.diag(np.divide(1.0, J, out=np.zeros_like(J), where=K > 0.0))
     spring, damper = (

@@ -7,19 +7,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.safety.limiting import SafeAction, safe_torque
+from parallel_robot_control.safety.limiting import safe_torque
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import inner, kernel, read_row, select, vector, write_row
 from parallel_robot_model.configuration.hazards import KINDS, Hazard
 
 # What the motors do while no command comes: hold the last one, then take their safe action.
-
-
-class Patience(NamedTuple):
-    """Samples without a command from which on the motors take their safe action, and that."""
-
-    samples: int
-    safe: SafeAction
 
 
 class Waiting(NamedTuple):
@@ -38,7 +31,7 @@ def not_waiting(joints: int) -> Waiting:
 
 @inner
 def waited(
-    patience: Any,
+    setup: Any,
     before: Waiting,
     arrived: bool,
     command: Array,
@@ -48,7 +41,7 @@ def waited(
     """What the motors are asked for over one period [N m], shape (n,).
 
     Args:
-        patience: See Patience.
+        setup: The PlantSetup.
         before: What the motors knew before the period.
         arrived: Whether a command has come for it.
         command: The newest one [N m], shape (n,).
@@ -58,9 +51,9 @@ def waited(
     if arrived:
         return command, Waiting(0, before.held, command)
     silent = before.silent + 1
-    held = select(silent == patience.samples, position, before.held)
-    safe = safe_torque(patience.safe, held, position, velocity)
-    asked = select(silent >= patience.samples, safe, command)
+    held = select(silent == setup.patience, position, before.held)
+    safe = safe_torque(setup.safety, held, position, velocity)
+    asked = select(silent >= setup.patience, safe, command)
     return asked, Waiting(silent, held, command)
 
 

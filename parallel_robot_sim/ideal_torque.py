@@ -12,7 +12,6 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    Boxed,
     FirstClass,
     inlined,
     kernel,
@@ -273,7 +272,7 @@ class IdealTorque:
         self._smooth = smooth(plant)
         self._assembled = assemble_plant(self._smooth)
         self._points = points_of(plant.loop.duration)
-        self._imperfections = Boxed(plant.imperfections.with_memory(self._assembled.state.torque))
+        self._imperfections = plant.imperfections.constants(len(plant.loop.joints))
 
     def between(self, first: int, stop: int) -> Array:
         """The torques of samples that follow those asked for before [N m], shape (N, n).
@@ -301,7 +300,7 @@ class IdealTorque:
         )
         drive = self._plant.imperfections.drive
         if drive.on:  # rotors turn as their joints do, but for what their gears give way
-            ideal = ideal + np.array(drive.rotor_inertia) * acceleration
+            ideal = ideal + np.array(drive.gear.rotor_inertia) * acceleration
         return ideal
 
 

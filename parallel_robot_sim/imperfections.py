@@ -9,19 +9,21 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.fields import Field, PerJoint, check
+from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.compiler import Boxed, as_constants
+from parallel_robot_model.configuration.fields import Field, PerJoint, acts, check
 from parallel_robot_model.robots.joint_load import FrictionParameters
 
 # What lies between motors and joints, and joints that stick: parameters.
 
 MOTOR, JOINT = 'motor', 'joint'  # where sensors are
+UNTRUE: Any = {'neutral': 0.0, 'untrue': True}  # of what sensors tell wrong, see Field
 
 
 class ComplianceParameters(NamedTuple):
     """A spring between the rotor of each motor and its joint; see :mod:`drive_step`."""
 
-    stiffness: Annotated[PerJoint, Field('N m/rad', 'of the gear; 0: it is rigid', 0.0)]
+    stiffness: Annotated[PerJoint, Field('N m/rad', 'of the gear; 0: it is rigid', 0.0, **UNTRUE)]
     damping: Annotated[PerJoint, Field('N m s/rad', 'of the gear', 0.0)]
     backlash: Annotated[PerJoint, Field('rad', 'whole play of the gear', 0.0)]
     rotor_inertia: Annotated[
@@ -42,17 +44,13 @@ class StictionParameters(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """Gears and bristles as the kernels take them."""
+    """Gears and bristles."""
 
     on: bool  # whether there are any; if not, none of the rest is looked at
     at_motor: bool  # whether sensors measure the rotors
     substeps: int  # integration steps in a period
-    stiffness: PerJoint  # of the gears [N m/rad]; 0: rigid
-    damping: PerJoint  # of the gears [N m s/rad]
-    backlash: PerJoint  # whole play of the gears [rad]
-    rotor_inertia: PerJoint  # of the rotors [kg m^2]
-    bristle_stiffness: PerJoint  # of the bristles [N m/rad]; 0: none
-    bristle_damping: PerJoint  # of the bristles [N m s/rad]
+    gear: ComplianceParameters
+    bristles: StictionParameters
     friction: FrictionParameters  # dry friction that they hold, and the Stribeck effect
 
 
@@ -80,11 +78,11 @@ def drive_of(
             raise InputError(f'friction.load {what} (joint {joint + 1})', 'friction.load')
     dry = np.add(friction.coulomb, friction.stribeck) > 0.0  # else there is nothing that sticks
     held = _where(dry, stiction.stiffness)
-    damped = _where(np.array(held) > 0.0, stiction.damping)
-    gears = compliance._replace(rotor_inertia=_where(flexible, compliance.rotor_inertia))
+    bristles = StictionParameters(held, _where(np.array(held) > 0.0, stiction.damping))
+    gear = compliance._replace(rotor_inertia=_where(flexible, compliance.rotor_inertia))
     on = bool(flexible.any() or any(stiction.stiffness))
     at_motor = bool(flexible.any()) and compliance.sensor == MOTOR
-    return Drive(on, at_motor, 1, *gears[:-1], held, damped, friction)
+    return Drive(on, at_motor, 1, gear, bristles, friction)
 
 
 def _where(wanted: np.ndarray, values: PerJoint) -> PerJoint:
@@ -102,7 +100,7 @@ def _refuse(key: str, right: str, wrong: np.ndarray, values: PerJoint) -> None:
 
 def yielding(drive: Drive) -> FrictionParameters:
     """The friction that acts beside bristles: joints that stick have no other dry friction."""
-    slides, friction = np.array(drive.bristle_stiffness) == 0.0, drive.friction
+    slides, friction = np.array(drive.bristles.stiffness) == 0.0, drive.friction
     return friction._replace(
         coulomb=_where(slides, friction.coulomb), stribeck=_where(slides, friction.stribeck)
     )
@@ -117,23 +115,31 @@ class SensorParameters(NamedTuple):
     """What the joint states tell of the true motion; all zero: exactly that."""
 
     zero_angle: Annotated[
-        PerJoint, Field('rad', 'zero angle: what the positions show where a joint is at zero')
+        PerJoint,
+        Field('rad', 'zero angle: what the positions show where a joint is at zero', **UNTRUE),
     ]
-    position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0)]
-    velocity_noise: Annotated[PerJoint, Field('rad/s', 'noise of the velocities, rms', 0.0)]
-    resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0)]
+    position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0, **UNTRUE)]
+    velocity_noise: Annotated[
+        PerJoint, Field('rad/s', 'noise of the velocities, rms', 0.0, neutral=0.0)
+    ]
+    resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0, **UNTRUE)]
     counts_per_turn: Annotated[
         PerJoint,
-        Field('', 'steps of the encoders in a turn, in place of resolution; 0: none', 0.0),
+        Field(
+            '', 'steps of the encoders in a turn, in place of resolution; 0: none', 0.0, **UNTRUE
+        ),
     ]
     differentiate: Annotated[
-        bool, Field('', 'velocity: difference of two measured positions over the period')
+        bool,
+        Field('', 'velocity: difference of two measured positions over the period', neutral=0.0),
     ]
     delay: Annotated[
-        float, Field('s', 'age of the states, rounded to whole samples', 0.0, MAX_DELAY)
+        float,
+        Field('s', 'age of the states, rounded to whole samples', 0.0, MAX_DELAY, **UNTRUE),
     ]
     jitter: Annotated[
-        float, Field('s', 'largest further age, random, in whole samples', 0.0, MAX_DELAY)
+        float,
+        Field('s', 'largest further age, random, in whole samples', 0.0, MAX_DELAY, **UNTRUE),
     ]
     stamp: Annotated[
         Literal['sent', 'measured'],
@@ -141,58 +147,53 @@ class SensorParameters(NamedTuple):
     ]
 
 
-class Sensor(NamedTuple):
-    """The parameters as the kernels take them: all but the text, and steps by their size."""
-
-    zero_angle: PerJoint
-    position_noise: PerJoint
-    velocity_noise: PerJoint
-    resolution: PerJoint
-    differentiate: bool
-    delay: float
-    jitter: float
-
-
 class ActuatorParameters(NamedTuple):
     """What the motors make of the commands."""
 
-    lag: Annotated[PerJoint, Field('s', 'time constant of the motors; 0: none', 0.0)]
-    noise: Annotated[PerJoint, Field('N m', 'noise of the torques, rms', 0.0)]
-    resolution: Annotated[PerJoint, Field('N m', 'step of the commands; 0: none', 0.0)]
+    lag: Annotated[PerJoint, Field('s', 'time constant of the motors; 0: none', 0.0, neutral=0.0)]
+    noise: Annotated[PerJoint, Field('N m', 'noise of the torques, rms', 0.0, neutral=0.0)]
+    resolution: Annotated[
+        PerJoint, Field('N m', 'step of the commands; 0: none', 0.0, neutral=0.0)
+    ]
     delay: Annotated[
-        float, Field('s', 'delay of the commands, rounded to whole samples', 0.0, MAX_DELAY)
+        float,
+        Field('s', 'delay of the commands, rounded to whole samples', 0.0, MAX_DELAY, neutral=0.0),
     ]
     jitter: Annotated[
-        float, Field('s', 'largest further delay, random, in whole samples', 0.0, MAX_DELAY)
+        float,
+        Field('s', 'largest further delay, random, in whole samples', 0.0, MAX_DELAY, neutral=0.0),
     ]
     effectiveness: Annotated[
-        PerJoint, Field('', 'share of the torque that is left after fault_time', 0.0)
+        PerJoint,
+        Field('', 'share of the torque that is left after fault_time', 0.0, neutral=1.0),
     ]
-    bias: Annotated[PerJoint, Field('N m', 'torque added after fault_time')]
+    bias: Annotated[PerJoint, Field('N m', 'torque added after fault_time', neutral=0.0)]
     fault_time: Annotated[float, Field('s', 'when effectiveness and bias begin to act', 0.0)]
 
 
 class LoadParameters(NamedTuple):
     """Disturbances that are held over each period, besides the sine."""
 
-    constant: Annotated[PerJoint, Field('N m', 'constant torque per joint')]
-    pulse: Annotated[PerJoint, Field('N m', 'torque of a pulse per joint')]
+    constant: Annotated[PerJoint, Field('N m', 'constant torque per joint', neutral=0.0)]
+    pulse: Annotated[PerJoint, Field('N m', 'torque of a pulse per joint', neutral=0.0)]
     pulse_start: Annotated[float, Field('s', 'start of the pulse', 0.0)]
     pulse_duration: Annotated[float, Field('s', 'length of the pulse', 0.0)]
-    noise: Annotated[PerJoint, Field('N m', 'noise per joint, rms', 0.0)]
+    noise: Annotated[PerJoint, Field('N m', 'noise per joint, rms', 0.0, neutral=0.0)]
     bandwidth: Annotated[float, Field('Hz', 'bandwidth of the noise; 0: white', 0.0)]
-    ripple: Annotated[PerJoint, Field('N m', 'amplitude of the cogging of the motors', 0.0)]
+    ripple: Annotated[
+        PerJoint, Field('N m', 'amplitude of the cogging of the motors', 0.0, neutral=0.0)
+    ]
     ripple_periods: Annotated[float, Field('', 'of it in a turn, or in 2 pi m of a slide', 0.0)]
 
 
 class Imperfections(NamedTuple):
-    """All of them, as the kernels take them."""
+    """All of them."""
 
     on: bool  # whether there are any; if not, none of the rest is looked at
     depth: int  # most samples by which a state or a command can be late
     age: float  # age of the states that their stamps tell [s]
     seed: float  # seed of the random numbers, a whole number
-    sensor: Sensor  # what the states tell
+    sensor: SensorParameters  # what the states tell; `resolution` is also that of counts
     actuator: ActuatorParameters  # what the motors make of the commands
     load: LoadParameters  # disturbances
     drive: Drive  # gears and bristles
@@ -200,10 +201,23 @@ class Imperfections(NamedTuple):
     memory: Any = None
     draws: Any = None
 
-    def with_memory(self, like: Array) -> Imperfections:
-        """The same with memory of their own for vectors as `like`, shape (n,)."""
-        rows = KINDS * (self.depth + 2) if self.on else 0
-        return self._replace(memory=np.zeros((rows, like.size)), draws=np.zeros(like.size))
+    def constants(self, joints: int) -> Boxed:
+        """All of them as kernels read them, with memory of their own; `joints` is n."""
+        rows, drive = KINDS * (self.depth + 2) if self.on else 0, self.drive
+        return Boxed(
+            self._replace(
+                sensor=as_constants(self.sensor),
+                actuator=as_constants(self.actuator),
+                load=as_constants(self.load),
+                drive=drive._replace(
+                    gear=as_constants(drive.gear),
+                    bristles=as_constants(drive.bristles),
+                    friction=as_constants(drive.friction),
+                ),
+                memory=np.zeros((rows, joints)),
+                draws=np.zeros(joints),
+            )
+        )
 
 
 def imperfections(
@@ -237,18 +251,15 @@ def imperfections(
             f'{sensor.jitter:g}: a state that comes late would come twice',
             'sensor.jitter',
         )
-    told_by = {name: getattr(sensor, name) for name in Sensor._fields}
-    sensing = Sensor(**told_by | {'resolution': _steps(sensor, slides)})
-    whole = np.not_equal(actuator.effectiveness, 1.0).any()
-    acting = actuator._replace(effectiveness=PerJoint((0.0,)), fault_time=0.0)
-    loading = (load.constant, load.pulse, load.noise, load.ripple)
-    on = whole or drive.on or any(np.any(each) for each in (*sensing, *acting, *loading))
+    steps = _steps(sensor, slides)
+    sensor = sensor._replace(resolution=steps, counts_per_turn=PerJoint((0.0,) * len(steps)))
+    on = drive.on or any(map(acts, (sensor, actuator, load)))
     late = [
-        _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensing, acting)
+        _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensor, actuator)
     ]
     age = _samples(sensor.delay, period) * round(period * NANOSECONDS) / NANOSECONDS
     return Imperfections(
-        bool(on), max(late), age if told else 0.0, float(seed), sensing, actuator, load, drive
+        on, max(late), age if told else 0.0, float(seed), sensor, actuator, load, drive
     )
 
 

@@ -12,12 +12,17 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
-from parallel_robot_model.configuration.fields import corrected
+from parallel_robot_model.configuration.fields import (
+    ESTIMATOR,
+    ZeroAngles,
+    corrected,
+    untrue_keys,
+)
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.contract import PLACE
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.configuration import Configuration
+from parallel_robot_sim.configuration import DECLARED, Configuration
 from parallel_robot_sim.course import Course
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import JOINT
@@ -27,10 +32,7 @@ from trajectory_gen.trajectory import Reference
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
 GEARS = 'compliance.stiffness'  # where sensors are at the motors
-UNTRUE = (
-    'sensor.zero_angle', 'estimator.zero_angle', 'sensor.position_noise', 'sensor.resolution',
-    'sensor.counts_per_turn', 'sensor.delay', 'sensor.jitter', GEARS, 'hazards',
-)  # fmt: skip
+UNTRUE = [*untrue_keys((*DECLARED, (ESTIMATOR, ZeroAngles))), 'hazards']
 AS_TOLD = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
 )

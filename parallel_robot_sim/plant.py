@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inlined, kernel, vector
+from parallel_robot_model.compiler import clip, inlined, kernel
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_sim.drive_step import flexed, keep_braked, rotors
 from parallel_robot_sim.hazards import braked, limited
@@ -68,6 +68,7 @@ def rk4(
 
 
 MUJOCO = 'mujoco'  # the engine that nodes alone can use
+ODE3 = 0  # place of its word in PlantParameters.integrator
 
 
 class PlantParameters(NamedTuple):
@@ -110,38 +111,17 @@ def unlimited(parameters: PlantParameters) -> PlantParameters:
     )
 
 
-class Stepping(NamedTuple):
-    """The parameters that one step of the plant needs, as numbers."""
-
-    order: int
-    substeps: int
-    torque_limit: tuple[float, ...]
-    forward: tuple[float, ...]  # shares of it
-    backward: tuple[float, ...]
-
-
-def stepping(parameters: PlantParameters) -> Stepping:
-    """Make them from the parameters."""
-    order = {'ode3': 3, 'rk4': 4}[parameters.integrator]
-    return Stepping(
-        order,
-        parameters.substeps,
-        parameters.torque_limit,
-        parameters.torque_forward,
-        parameters.torque_backward,
-    )
-
-
 class PlantSetup(NamedTuple):
-    """The constant parts of the plant."""
+    """The constant parts of the plant; parameters as :func:`as_constants`."""
 
     acceleration: Any  # acceleration of the robot module, as FirstClass
     measure: Any  # measure of the robot module, as FirstClass
-    stepping: Stepping  # integrator, substeps, torque limit
+    parameters: Any  # PlantParameters, boxed
     robot: Any  # constants of the true robot, boxed
     load: Any  # JointLoad, boxed
     imperfections: Any  # Imperfections, boxed
-    patience: Any  # Patience, boxed
+    safety: Any  # SafetyParameters, boxed; its action is that without commands
+    patience: int  # samples without a command from which on the motors take it
     hazards: Any  # Hazards, boxed
 
 
@@ -173,11 +153,11 @@ def torques(
         That of the motors, and less the disturbances that are constant over a period; each
         shape (n,).
     """
-    limit = vector(setup.stepping.torque_limit)
+    motors = setup.parameters
+    limit = motors.torque_limit
     if setup.hazards.on:
         limit = limited(setup.hazards, sample_at(state.time, period), limit)
-    greatest = vector(setup.stepping.forward) * limit
-    least = -vector(setup.stepping.backward) * limit
+    greatest, least = motors.torque_forward * limit, -motors.torque_backward * limit
     torque = clip(command, least, greatest)
     acting = torque
     if setup.imperfections.on:
@@ -201,7 +181,7 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
     Returns:
         State at the end; not finite if the robot was driven out of its workspace.
     """
-    stepping = setup.stepping
+    substeps, integrator = setup.parameters.substeps, setup.parameters.integrator
     torque, acting = torques(setup, state, command, period)
     q, v, t = state.coordinates, state.rate, state.time
     drive = setup.imperfections.on and setup.imperfections.drive.on
@@ -215,10 +195,10 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
         load = torque - acting - cogging(setup, joints.position)
         q, v = flexed(setup, q, v, torque - cogging(setup, angle), load, t, period)
         return PlantState(q, v, torque, t + period)
-    h = period / stepping.substeps
+    h = period / substeps
     arguments = (setup, acting)
-    for _ in range(stepping.substeps):
-        if stepping.order == 3:
+    for _ in range(substeps):
+        if integrator == ODE3:
             q, v = ode3(_acceleration, q, v, t, h, arguments)
         else:
             q, v = rk4(_acceleration, q, v, t, h, arguments)

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
-from parallel_robot_model.configuration.fields import PerJoint
+from parallel_robot_model.configuration.fields import neutral
 from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
 from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
-from parallel_robot_sim.imperfections import ActuatorParameters
 from parallel_robot_sim.plant import PlantSetup, PlantState, step, unlimited
 from parallel_robot_sim.sensors_actuators import sensed
 from trajectory_gen.trajectory import Reference
@@ -97,9 +96,7 @@ def under_torques(configuration: PlantConfiguration, effort: Array, reference: R
     Raises:
         InputError: the plant cannot be put together.
     """
-    n = effort.shape[1]
-    none, whole = PerJoint((0.0,) * n), PerJoint((1.0,) * n)
-    ideal = ActuatorParameters(none, none, none, 0.0, 0.0, whole, none, 0.0)
+    ideal = neutral(configuration.imperfections.actuator)._replace(fault_time=0.0)
     plant = assemble_plant(
         configuration._replace(
             parameters=unlimited(configuration.parameters),
@@ -155,8 +152,6 @@ def _loop(
         asked = read_row(torque, k, row)
         if plant.hazards.on:
             came, newest = commanded(plant.hazards, k, answered[k], asked, waiting)
-            asked, waiting = waited(
-                plant.patience, waiting, came, newest, true.position, true.velocity
-            )
+            asked, waiting = waited(plant, waiting, came, newest, true.position, true.velocity)
         state = step(plant, state, asked, period)
     return joints, seen, effort, state

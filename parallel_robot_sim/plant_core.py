@@ -53,7 +53,7 @@ def take(core: Any, command: Array, arrived: bool) -> None:
         sample = sample_at(state.time, core.period)
         arrived, newest = commanded(setup.hazards, sample, arrived, newest, before)
     core.asked, core.waiting.value = waited(
-        setup.patience, before, arrived, newest, joints.position, joints.velocity
+        setup, before, arrived, newest, joints.position, joints.velocity
     )
 
 

@@ -45,7 +45,7 @@ class Simulator:
         age = configuration.safety.state_age
         self._times = HazardTimes(hazards, loop.period, age, loop.seed) if hazards else None
         self._period = loop.period
-        self._patience = self._setup.patience.samples
+        self._patience = self._setup.patience
         n = len(loop.joints)
         self._state, self._waiting = Struct(start), Struct(not_waiting(n))
         measure = robot.module.measure

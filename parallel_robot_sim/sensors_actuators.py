@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, select, some, vector
+from parallel_robot_model.compiler import clip, inner, kernel, select, some
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.drive_step import rotors
 from parallel_robot_sim.noise_and_delay import (
@@ -48,11 +48,11 @@ def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple
     if setup.imperfections.drive.at_motor:
         angle, speed = rotors(setup, joints, sample)
     noise = normals(seed, sample, OF_POSITION, setup.imperfections.draws, joints.position)
-    shown = angle + vector(sensor.zero_angle)
-    noisy = shown + vector(sensor.position_noise) * noise
-    position = rounded(noisy, vector(sensor.resolution))
+    shown = angle + sensor.zero_angle
+    noisy = shown + sensor.position_noise * noise
+    position = rounded(noisy, sensor.resolution)
     noise = normals(seed, sample, OF_VELOCITY, setup.imperfections.draws, joints.position)
-    velocity = speed + vector(sensor.velocity_noise) * noise
+    velocity = speed + sensor.velocity_noise * noise
     if sensor.differentiate:
         velocity = np.zeros_like(position)
         if sample > 0:
@@ -154,20 +154,20 @@ def driven(
         asked = newest(
             setup, COMMAND, OF_COMMANDS, sample, command, zero, motors.delay, motors.jitter, period
         )
-    asked = clip(rounded(asked, vector(motors.resolution)), least, greatest)
+    asked = clip(rounded(asked, motors.resolution), least, greatest)
     # 2. The lag.
     before = zero
     if sample > 0:
         before = recall(setup, LAGGED, sample, command)
-    lag = vector(motors.lag)
+    lag = motors.lag
     left = np.exp(-period / lag)
     remember(setup, LAGGED, sample + 1, asked + (before - asked) * left)
     torque = asked + (before - asked) * (1.0 - left) * lag / period
     # 3. Noise, and from its time on, the fault.
     noise = normals(seed, sample, OF_TORQUE, setup.imperfections.draws, command)
-    torque = torque + vector(motors.noise) * noise
+    torque = torque + motors.noise * noise
     failed = sample >= motors.fault_time / period - EARLY
-    faulty = vector(motors.effectiveness) * torque + vector(motors.bias)
+    faulty = motors.effectiveness * torque + motors.bias
     return clip(select(failed, faulty, torque), least, greatest)
 
 
@@ -175,7 +175,7 @@ def driven(
 def cogging(setup: Any, position: Array) -> Array:
     """Cogging of motors at their angles, `position` [rad]; torques [N m], shape (n,)."""
     load = setup.imperfections.load
-    return vector(load.ripple) * np.sin(load.ripple_periods * position)
+    return load.ripple * np.sin(load.ripple_periods * position)
 
 
 @kernel
@@ -195,9 +195,9 @@ def held_disturbance(setup: Any, position: Array, time: float, period: float) ->
     sample, load = sample_at(time, period), setup.imperfections.load
     begin = load.pulse_start / period - EARLY
     end = (load.pulse_start + load.pulse_duration) / period - EARLY
-    torque = vector(load.constant)
-    torque = torque + select((sample >= begin) & (sample < end), 1.0, 0.0) * vector(load.pulse)
-    if some(vector(load.ripple) != 0.0):
+    torque = load.constant
+    torque = torque + select((sample >= begin) & (sample < end), 1.0, 0.0) * load.pulse
+    if some(load.ripple != 0.0):
         torque = torque + cogging(setup, position)
     drawn = normals(setup.imperfections.seed, sample, OF_LOAD, setup.imperfections.draws, position)
     left = math.exp(-2.0 * math.pi * load.bandwidth * period)
@@ -207,4 +207,4 @@ def held_disturbance(setup: Any, position: Array, time: float, period: float) ->
         before = recall(setup, DISTURBANCE, sample - 1, position)
         noise = left * before + np.sqrt(1.0 - left * left) * drawn
     remember(setup, DISTURBANCE, sample, noise)
-    return torque + vector(load.noise) * noise
+    return torque + load.noise * noise

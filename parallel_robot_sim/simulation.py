@@ -116,7 +116,7 @@ class Simulation(NamedTuple):
     def phases(self) -> NDArray[np.int64]:
         """What the identification of the delay is doing after each row, shape (N,)."""
         samples = self.first + np.arange(len(self.run.fault))
-        return phases(self.experiment.control.setup.estimator.lock_in, samples, self.first_fault)
+        return phases(self.experiment.control.setup, samples, self.first_fault)
 
     @property
     def delay(self) -> NDArray[np.float64]:
@@ -124,9 +124,9 @@ class Simulation(NamedTuple):
 
         [s]
         """
-        estimator = self.experiment.control.setup.estimator
-        outcome = result(estimator.lock_in)
-        delay = np.full((len(self.run.fault), 1), estimator.delay)
+        setup = self.experiment.control.setup
+        outcome = result(setup)
+        delay = np.full((len(self.run.fault), 1), setup.estimator.delay)
         if outcome.end:
             delay[max(outcome.end - self.first, 0) :] = outcome.delay
         return delay
@@ -182,7 +182,7 @@ class Simulation(NamedTuple):
         if number == faults.NONE:
             return ''
         loop, control = self.experiment.loop, self.experiment.control
-        speeds, limits = np.abs(self.run.velocity[k]), np.asarray(control.setup.limits.speed)
+        speeds, limits = np.abs(self.run.velocity[k]), np.asarray(control.setup.safety.speed_limit)
         fast = np.flatnonzero(speeds > limits)
         if number != faults.SPEED or not fast.size:
             return self._fault(number).text

@@ -1,11 +1,13 @@
 """Controller and simulated robot in lockstep without ROS, for the tests of both together."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.law_core import JointSample
+from parallel_robot_control.messages import Status, Telemetry
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.plant_run import Simulator
 from trajectory_gen.configuration import trajectory_of
@@ -13,6 +15,29 @@ from trajectory_gen.configuration import trajectory_of
 MS = 10**6  # ns
 START = 10**9  # ns
 SAMPLES = 1500
+
+
+class JointSample(NamedTuple):
+    """Measured joints at one time."""
+
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+class Answer(NamedTuple):
+    """What a controller made of a state."""
+
+    torque: np.ndarray
+    telemetry: Telemetry
+    status: Status
+
+
+def answer_of(controller, answered):
+    """The answer that a controller has just given, if it has."""
+    if not answered:
+        return None
+    return Answer(controller.torque, controller.telemetry, controller.status)
 
 
 class Rig:
@@ -44,7 +69,8 @@ class Rig:
         """Answer of the controller to the state of now."""
         wanted = self.reference() if reference is None else reference
         self.controller.add_reference(self.stamp, wanted)
-        return self.controller.add_state(self.stamp, self.measured() if state is None else state)
+        state = self.measured() if state is None else state
+        return answer_of(self.controller, self.controller.add_state(self.stamp, state))
 
     def step(self, state=None, reference=None):
         """One period; returns the answer to the state at its start."""

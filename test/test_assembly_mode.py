@@ -47,7 +47,7 @@ class Crossed(Rig):
         if self.passive:
             assert self.controller.answer(self.simulator.message(self.stamp)) > 0
         else:
-            assert self.controller.add_state(self.stamp, self.measured()) is not None
+            assert self.controller.add_state(self.stamp, self.measured())
 
     def move(self, torque):
         self.tell()

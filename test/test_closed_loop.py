@@ -13,7 +13,8 @@ from test_s_fotsmc import ring
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import When, initial_state, run_cycle
+from parallel_robot_control.cycle import initial_state, run_cycle
+from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.compiler import entry_point, vector
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr import measure

@@ -11,7 +11,7 @@ import yaml
 from parallel_robot.bags import trust
 from parallel_robot_control import configuration
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.safety.limiting import SafetyParameters
+from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.fields import group

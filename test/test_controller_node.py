@@ -10,7 +10,7 @@ from rclpy.parameter import Parameter
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
-from parallel_robot_control import controller, controller_state, joint_states
+from parallel_robot_control import controller, joint_states
 from parallel_robot_control.controller_node import ControllerNode
 from parallel_robot_control.safety.faults import (
     EMERGENCY_STOP,
@@ -44,8 +44,7 @@ class Loop:
         self._motion = trajectory_of(values).sample(np.zeros(1))
         self.stands = 0.0  # s, for which the node has stood still
         clock = SimpleNamespace(monotonic_ns=lambda: SECOND + round(1e9 * self.stands))
-        for module in (controller, controller_state):
-            monkeypatch.setattr(module, 'time', clock)
+        monkeypatch.setattr(controller, 'time', clock)
 
     def give(self, stamp, age=0):
         """Torques of the commands that answer a state of a stamp [ns] and an age [ns]."""

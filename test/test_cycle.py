@@ -11,9 +11,10 @@ from vectors import boxed, on_vectors
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import Cycle, CycleState, When, initial_state, run_cycle
+from parallel_robot_control.cycle import Cycle, CycleState, initial_state, run_cycle
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.safety.faults import NONE, SPEED, TORQUE_NOT_FINITE
+from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.compiler import as_vectors, vector
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.planar_3rrr.dynamics import actuated_dynamics

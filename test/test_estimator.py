@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 from assembly import simulate
+from vectors import setup_of
 
 from parallel_robot import simulate as run_scenario
 from parallel_robot_control.estimation.estimator import (
     FILTER,
     LEVANT,
     Estimated,
-    Estimator,
     EstimatorParameters,
     estimated,
 )
@@ -29,8 +29,7 @@ def _estimates(estimator, state, known, positions, like, found):
 
 def estimates(kind, positions, first=None, bandwidth=20.0, acceleration=10.0):
     """Estimates of the velocity over samples of a position, which begin at rest or at `first`."""
-    zero, bound = vector([0.0]), vector([acceleration])
-    estimator = Estimator(kind, zero, bandwidth, bound, 0.0, 0.0, 0.0)
+    estimator = setup_of(kind=kind, bandwidth=bandwidth, acceleration=vector([acceleration]))
     state = Estimated(vector([positions[0]]), vector([first or 0.0]))
     rows = np.empty((len(positions), 1))
     _estimates(estimator, state, first is not None, positions[:, None], state.position, rows)

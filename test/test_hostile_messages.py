@@ -12,7 +12,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from parallel_robot_control.controller_node import ControllerNode
-from parallel_robot_control.safety.limiting import SafetyParameters
+from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.messages import topics

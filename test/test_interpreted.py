@@ -10,8 +10,9 @@ from custom_law import LAW
 
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.cycle import When, cycle_of
+from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.laws import s_fotsmc
+from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.compiler import (
     INTERPRETED,
     Vector,

@@ -4,15 +4,25 @@ import numpy as np
 import pytest
 from assembly import simulate
 from scipy.linalg import expm
+from vectors import setup_of
 
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation import kalman, recent_torques
-from parallel_robot_control.estimation.kalman import AT_REST, DRIFT, SMOOTH, Kalman
+from parallel_robot_control.estimation.estimator import EstimatorParameters
+from parallel_robot_control.estimation.kalman import AT_REST, DRIFT, SMOOTH
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import (
+    Boxed,
+    as_constants,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
 from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.fields import build
 from parallel_robot_model.robots.contract import Model
 
 T = 1e-3
@@ -27,7 +37,7 @@ ZERO = vector(np.zeros(N))
 
 
 @kernel
-def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
+def _run(setup, model, motion, measured, torques, lates, dts, like, answers):
     for k in range(len(lates)):
         reference = JointReference(
             read_row(motion, 3 * k, like),
@@ -37,11 +47,9 @@ def _run(filter_, model, motion, measured, torques, lates, dts, like, answers):
         position, velocity = read_row(measured, 2 * k, like), read_row(measured, 2 * k + 1, like)
         zero = 0.0 * like
         found = kalman.predicted(
-            filter_, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
+            setup, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        recent_torques.remember(
-            filter_.torques, k, read_row(torques, k, like), 0.0 * like, True, filter_.lag, T
-        )
+        recent_torques.remember(setup, k, read_row(torques, k, like), 0.0 * like, True)
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
         write_row(answers, 3 * k + 2, found.disturbance)
@@ -95,27 +103,24 @@ def motion_of(k):
 
 
 def filter_of(velocities=True, command_delay=0.0, lag=0.0):
-    return Kalman(
-        T,
-        command_delay,
-        lag,
-        velocities,
-        *(vector(values**2) for values in (*NOISE, DISTURBANCE)),
-        BANDWIDTH,
-        vector(OFFSET**2),
-        vector(COULOMB**2),
-        0.0,
-        kalman.kalman_memory(ZERO),
-        recent_torques.recent_torques(ZERO),
-    )
+    given = {
+        'kind': 'kalman', 'zero_angle': 0.0, 'bandwidth': 1.0, 'acceleration': 1.0, 'delay': 0.0,
+        'command_delay': command_delay, 'lag': lag, 'velocities': velocities,
+        'position_noise': NOISE[0], 'velocity_noise': NOISE[1], 'disturbance': DISTURBANCE,
+        'disturbance_bandwidth': BANDWIDTH / (2.0 * np.pi), 'offset': OFFSET, 'coulomb': COULOMB,
+        'levels': 0.0,
+    }  # fmt: skip
+    parameters = Boxed(as_constants(build(EstimatorParameters, given, joints=N)))
+    torques, means = recent_torques.recent_torques(ZERO), kalman.kalman_memory(ZERO)
+    return setup_of(estimator=parameters, memory=setup_of(torques=torques, kalman=means), period=T)
 
 
-def found(filter_, measured, torques, lates, dts):
+def found(setup, measured, torques, lates, dts):
     motion = np.concatenate([np.array(motion_of(k)) for k in range(len(lates))])
     answers = np.empty((3 * len(lates), N))
     model = Model(vector(M), vector(Q), vector(GRAVITY))
     like = vector(np.zeros(N))
-    _run(filter_, model, motion, measured, torques, lates, dts, like, answers)
+    _run(setup, model, motion, measured, torques, lates, dts, like, answers)
     return answers.reshape(-1, 3, N)
 
 

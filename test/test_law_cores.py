@@ -10,7 +10,6 @@ from numba.core.typing import typeof as typing_module
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.prepared_law import renewed
 from parallel_robot_model.compiler import vectors
 from parallel_robot_model.configuration import config
@@ -61,8 +60,9 @@ def torques(core):
     found = []
     for k, row in enumerate(rows):
         core.add_reference(START + k * MS, JointReference(*row))
-        state = JointSample(row[0] - 1e-3, row[1], np.zeros(3))
-        found.append(core.add_state(START + k * MS, state).torque)
+        state = row[0] - 1e-3, row[1], np.zeros(3)
+        assert core.add_state(START + k * MS, state)
+        found.append(core.torque)
     return np.array(found)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from assembly import simulated
+from vectors import setup_of
 
 from parallel_robot_control.assembly import assemble as assemble_control
 from parallel_robot_control.configuration import configure as configure_control
@@ -14,11 +15,17 @@ from parallel_robot_control.estimation.lock_in import (
     UNDER_WAY,
     WAITING,
     LockInParameters,
-    lock_in_of,
     result,
 )
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import (
+    Boxed,
+    as_constants,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
 from parallel_robot_model.robots.contract import Model
 
 T = 1e-3
@@ -40,7 +47,7 @@ LABORATORY = {
 
 
 def found_by(made):
-    return result(made.experiment.control.setup.estimator.lock_in)
+    return result(made.experiment.control.setup)
 
 
 @pytest.mark.parametrize(
@@ -105,19 +112,19 @@ def test_until_it_has_ended_the_default_is_used_and_afterwards_what_was_found():
 
 
 @kernel
-def _observe(locked, model, torques, measured, samples, like):
+def _observe(setup, model, torques, measured, samples, like):
     for i in range(len(samples)):
         k = samples[i]
-        lock_in.begin(locked, k, i > 0, False, like)
+        lock_in.begin(setup, k, i > 0, False)
         torque, error = read_row(torques, k, like), read_row(measured, k, like)
-        lock_in.observe(locked, k, model, error, torque, 0.0, 0.0, 0.0, 0.0, False)
+        lock_in.observe(setup, k, model, error, torque, 0.0, False)
 
 
 @kernel
-def _added(locked, count, torques, like):
-    lock_in.begin(locked, 0, False, False, like)
+def _added(setup, count, torques):
+    lock_in.begin(setup, 0, False, False)
     for k in range(count):
-        write_row(torques, k, lock_in.added(locked, k))
+        write_row(torques, k, lock_in.added(setup, k))
 
 
 def test_a_delay_of_part_of_a_period_is_that_of_the_closed_form():
@@ -125,8 +132,14 @@ def test_a_delay_of_part_of_a_period_is_that_of_the_closed_form():
     inertia, delay, count = np.diag([1.5, 0.7]), 2.4 * T, 700
     parameters = LockInParameters((2.0, 1.0), 50.0, 0.1, 0.5, 0.0)
     torques, like = np.zeros((count, 2)), vector(np.zeros(2))
-    locked = lock_in_of(parameters, True, T, 0.05, lock_in.lock_in_memory(like))
-    _added(locked, count, torques, like)
+    setup = setup_of(
+        lock_in=Boxed(as_constants(parameters)),
+        estimator=setup_of(delay=0.0, command_delay=0.0, lag=0.0),
+        memory=setup_of(lock_in=lock_in.lock_in_memory(like)),
+        identifies=True,
+        period=T,
+    )
+    _added(setup, count, torques)
     assert np.abs(torques).max(axis=0) == pytest.approx([2.0, 1.0], rel=0.02)
     accelerations = np.linalg.solve(inertia, torques.T).T
     rate, place = np.zeros((count, 2)), np.zeros((count, 2))
@@ -139,8 +152,8 @@ def test_a_delay_of_part_of_a_period_is_that_of_the_closed_form():
     model = Model(vector(inertia), vector(np.zeros((2, 2))), like)
     samples = np.array([k for k in range(count) if k % 9 != 4 or k in (0, 599)])
     slow = np.linspace(0.0, 1.0, count)[:, np.newaxis] * 1e-4  # of the law: no oscillation
-    _observe(locked, model, torques, late + slow, samples, like)
-    found = result(locked)
+    _observe(setup, model, torques, late + slow, samples, like)
+    found = result(setup)
     assert found.phase == FOUND and found.delay == pytest.approx(delay, abs=0.02 * T)
 
 
@@ -167,5 +180,5 @@ def test_a_sine_for_which_there_is_no_room_is_refused(changes, reason):
 
 def test_without_it_nothing_of_it_is_refused_or_told():
     values = resolve('paper_circle', {'estimator.delay': 'stamp', 'safety.torque_limit': 1.0})
-    estimator = assemble_control(configure_control(values)).setup.estimator
-    assert estimator.delay == 0.0 and not estimator.lock_in.on
+    setup = assemble_control(configure_control(values)).setup
+    assert setup.estimator.delay == 0.0 and not setup.identifies

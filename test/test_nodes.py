@@ -27,7 +27,6 @@ from parallel_robot.bags.run import recording
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.law_core import JointSample
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.cache_directory import NOTICE
@@ -253,7 +252,8 @@ def test_joints_are_found_by_name(start, peer):
     theta, theta_dot = desired[0] + [1e-3, -2e-3, 3e-3], np.array([0.01, 0.02, 0.03])
     core = Controller(configure(values))
     core.add_reference(10**9, JointReference(*desired))
-    expected = core.add_state(10**9, JointSample(theta, theta_dot, np.zeros(3))).torque
+    assert core.add_state(10**9, (theta, theta_dot, np.zeros(3)))
+    expected = core.torque
 
     process = start('controller', 'time_mode:=lockstep')
     commands = peer.listen(topics.COMMANDS)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from assembly import simulated
+from vectors import setup_of
 
 from parallel_robot.cli.command_line import main
 from parallel_robot_control import repetition
@@ -12,10 +13,16 @@ from parallel_robot_control.laws import LAWS
 from parallel_robot_control.repetition import (
     RepetitionParameters,
     repetition_memory,
-    repetition_of,
     weights_of,
 )
-from parallel_robot_model.compiler import kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import (
+    Boxed,
+    as_constants,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
 
 T = 1e-3
 N = 3
@@ -30,12 +37,19 @@ LEARNING = {'repetition.gain': 0.5, 'repetition.wait': 0.5, **ONE_SECOND}
 
 def learner(turn, gain=0.5, lead=0.0, cutoff=50.0, wait=0.0, period=T):
     parameters = RepetitionParameters(gain, turn * period, lead, cutoff, wait)
-    memory = repetition_memory(N, turn)
-    return repetition_of(parameters, turn, LAWS['computed_torque'], period, memory)
+    memory = setup_of(repetition=repetition_memory(parameters, N, turn, period))
+    return setup_of(
+        repetition=Boxed(as_constants(parameters)),
+        safety=setup_of(torque_limit=LIMIT),
+        has_model=True,
+        turn=turn,
+        period=period,
+        memory=memory,
+    )
 
 
 @kernel
-def _turns(learner, samples, positions, corrections, believed, alone, like, limit):
+def _turns(learner, samples, positions, corrections, believed, alone, like):
     """What is added at each sample; the controller is new at the first one."""
     added = np.zeros_like(corrections)
     for k in range(len(samples)):
@@ -43,7 +57,7 @@ def _turns(learner, samples, positions, corrections, believed, alone, like, limi
         reference = JointReference(position, 0.0 * like, 0.0 * like)
         torque = repetition.recalled(learner, samples[k], k > 0, alone[k], False, reference)
         correction = read_row(corrections, k, like)
-        repetition.learn(learner, samples[k], reference, torque, correction, believed[k], limit)
+        repetition.learn(learner, samples[k], reference, torque, correction, believed[k])
         write_row(added, k, torque)
     return added
 
@@ -56,7 +70,7 @@ def turns(learner, corrections, samples=None, positions=None, believed=None, alo
         positions = positions[np.arange(count) % learner.turn]
     yes = np.ones(count, bool)
     believed, alone = (yes if given is None else given for given in (believed, alone))
-    return _turns(learner, samples, positions, corrections, believed, alone, LIMIT, LIMIT)
+    return _turns(learner, samples, positions, corrections, believed, alone, LIMIT)
 
 
 def expected(corrections, turn, gain, lead, weights, believed):

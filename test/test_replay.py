@@ -25,7 +25,6 @@ from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import faults
 from parallel_robot_model.configuration import config
@@ -138,12 +137,11 @@ def live(directory, script, common=True, skipped=(), says=True, since=0, given=(
             write('joint_states', stamp, plant.message(stamp))
             if k not in skipped:
                 measured = plant.measurement()
-                sample = controller.add_state(
-                    stamp, JointSample(measured.position, measured.velocity, plant.state.torque)
-                )
-                torque = sample.torque
-                if sample.status != status:
-                    status = sample.status
+                state = measured.position, measured.velocity, plant.state.torque
+                assert controller.add_state(stamp, state)
+                torque = controller.torque
+                if controller.status != status:
+                    status = controller.status
                     write('controller/status', stamp, status_message(stamp, status))
                 command(controller.command, stamp)
                 if controller.code & LOG:

@@ -300,7 +300,8 @@ def answers(rig, host, shown, age=0):
             state, row, stamp = rig.measured(), rig.reference(k - late), rig.stamp - late * STEP
             rig.controller.add_reference(stamp, row)
             host.refer(stamp, row)
-            last = rig.controller.add_state(rig.stamp, state).torque
+            assert rig.controller.add_state(rig.stamp, state)
+            last = rig.controller.torque
             torques.append((last, host.cycle(rig.stamp, *state, (k - before) * STEP)))
             before = k
         rig.simulator.advance(last)

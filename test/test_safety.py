@@ -11,14 +11,13 @@ from geometry import ROBOT, jacobian, kinetic_energy, legs, margins
 from hypothesis import given
 from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message
-from rig import MS, Rig
+from rig import MS, JointSample, Rig, answer_of
 from vectors import on_vectors
 
-from parallel_robot_control import controller, controller_state
+from parallel_robot_control import controller
 from parallel_robot_control.assembly import assemble
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.law_core import JointSample
 from parallel_robot_control.messages import status_message
 from parallel_robot_control.safety import limiting
 from parallel_robot_control.safety.faults import (
@@ -42,7 +41,7 @@ MOVING = 150  # sample; the joints are fast while the first error is corrected
 DAMPING, STIFFNESS = 40.0, 400.0  # docs/safety.md
 NARROW = {'safety.torque_limit': [100.0] * 3, 'safety.torque_rate': [60_000.0] * 3}
 limit_torque = on_vectors(limiting.limit_torque)
-LIMITS = assemble(configure(config.resolve('paper_circle', NARROW))).setup.limits
+LIMITS = assemble(configure(config.resolve('paper_circle', NARROW))).setup.safety
 
 
 def moved(measured, **changes):
@@ -74,7 +73,7 @@ def torque_not_finite(rig):
 def stale_reference(rig):
     """No reference for 51 ms, all states answered."""
     for _ in range(51):
-        sample = rig.controller.add_state(rig.stamp, rig.measured())
+        sample = answer_of(rig.controller, rig.controller.add_state(rig.stamp, rig.measured()))
         rig.simulator.advance(sample.torque)
         rig.k += 1
     return sample
@@ -85,7 +84,7 @@ def two_states(rig):
     rig.step()
     rig.k -= 1
     other = moved(rig.measured(), position=1e-6)
-    assert rig.controller.add_state(rig.stamp, other) is None
+    assert not rig.controller.add_state(rig.stamp, other)
     rig.k += 1
     return rig.step()
 
@@ -94,7 +93,7 @@ def two_references(rig):
     rig.step()
     desired = rig.reference(rig.k - 1)
     other = desired._replace(velocity=desired.velocity + 1e-6)
-    assert rig.controller.add_reference(rig.stamp - MS, other) is None
+    assert not rig.controller.add_reference(rig.stamp - MS, other)
     return rig.step()
 
 
@@ -163,7 +162,9 @@ def test_speed_and_jumps_have_their_limits_where_the_parameters_say(by, lost):
         rig.controller.add_state(rig.stamp, still)
         rig.k += 1 + lost
         rig.controller.add_reference(rig.stamp, rig.reference())
-        sample = rig.controller.add_state(rig.stamp, moved(still, **change))
+        sample = answer_of(
+            rig.controller, rig.controller.add_state(rig.stamp, moved(still, **change))
+        )
         assert sample.status.fault == (FAULTS[fault] if by > 1.0 else None)
 
 
@@ -279,7 +280,7 @@ def test_a_fault_survives_a_new_run_of_the_plant(jump):
     rig.step()
     stamp = rig.stamp + jump * MS
     rig.controller.add_reference(stamp, rig.reference())
-    sample = rig.controller.add_state(stamp, rig.measured())
+    sample = answer_of(rig.controller, rig.controller.add_state(stamp, rig.measured()))
     assert rig.controller.counts['new runs of the plant'] == 1
     assert sample.status.fault == FAULTS[EMERGENCY_STOP]
     assert np.array_equal(sample.torque, -DAMPING * rig.measured().velocity)
@@ -289,10 +290,9 @@ def test_a_fault_survives_a_new_run_of_the_plant(jump):
 def clock(monkeypatch):
     """Wall time of the controller, in s, as the test sets it."""
     now = SimpleNamespace(time=100.0)
-    for module in (controller, controller_state):
-        monkeypatch.setattr(
-            module, 'time', SimpleNamespace(monotonic_ns=lambda: round(1e9 * now.time))
-        )
+    monkeypatch.setattr(
+        controller, 'time', SimpleNamespace(monotonic_ns=lambda: round(1e9 * now.time))
+    )
     return now
 
 
@@ -354,7 +354,7 @@ def test_a_reference_from_the_far_future_does_no_harm():
     for k in range(30, 60):
         for one in (rig, untouched):
             one.controller.add_reference(one.stamp + 30 * MS, one.reference(k))
-            sample = one.controller.add_state(one.stamp, one.measured())
+            sample = answer_of(one.controller, one.controller.add_state(one.stamp, one.measured()))
             one.simulator.advance(sample.torque)
             one.k += 1
             answers.append(sample.torque)
@@ -369,14 +369,14 @@ def last(torque, offset=(0.0, 0.0, 0.0), takes_over=False):
 
 def test_the_torque_limit_clips_each_joint_and_says_what_is_cut_off():
     demand = np.array([99.0, -130.0, 101.0])
-    torque, excess, _, acted = limit_torque(LIMITS, demand, last((90.0, -90.0, 90.0)), 1e-3)
+    torque, excess, _, acted = limit_torque(LIMITS, demand, last((90.0, -90.0, 90.0)), 1e-3, 1e-3)
     assert torque.tolist() == [99.0, -100.0, 100.0] and acted == TORQUE
     assert excess.tolist() == [0.0, -30.0, 1.0]
 
 
 def test_the_rate_limit_slows_each_joint():
     demand = np.array([70.0, -70.0, 50.0])
-    torque, excess, _, acted = limit_torque(LIMITS, demand, last((0.0, 0.0, 0.0)), 1e-3)
+    torque, excess, _, acted = limit_torque(LIMITS, demand, last((0.0, 0.0, 0.0)), 1e-3, 1e-3)
     assert torque.tolist() == [60.0, -60.0, 50.0] and acted == RATE
     assert excess.tolist() == [10.0, -10.0, 0.0]
 
@@ -399,7 +399,7 @@ def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
     """
     demand, before = np.array([5.0, -5.0, 0.2]), last((0.0, 0.0, 0.0), takes_over=True)
     for k in range(1, 8):
-        torque, excess, offset, acted = limit_torque(LIMITS, demand, before, gap)
+        torque, excess, offset, acted = limit_torque(LIMITS, demand, before, 1e-3, gap)
         left = np.array([max(5.0 - k, 0.0), -max(5.0 - k, 0.0), 0.0])
         assert np.allclose(offset, left, atol=1e-12) and np.allclose(torque, demand - left)
         assert not excess.any() and bool(acted) == (k <= 5)
@@ -412,16 +412,16 @@ def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
 @pytest.mark.parametrize('period', [5e-4, 1e-3, 4e-3])
 def test_a_take_over_is_faded_at_the_same_rate_whatever_the_period(period):
     values = config.resolve('paper_circle', {'period': period, 'safety.ramp_rate': [1000.0] * 3})
-    limits, demand = assemble(configure(values)).setup.limits, np.array([8.0, -8.0, 8.0])
+    limits, demand = assemble(configure(values)).setup.safety, np.array([8.0, -8.0, 8.0])
     before = last((0.0, 0.0, 0.0), takes_over=True)
-    torque, *_ = limit_torque(limits, demand, before, period)
+    torque, *_ = limit_torque(limits, demand, before, period, period)
     assert np.abs(torque) == pytest.approx(1000.0 * period, rel=1e-12)
 
 
 @pytest.mark.parametrize('period', [1e-3, 5e-3, 0.02])
 def test_two_lost_states_are_no_gap_whatever_the_period(period):
     values = config.resolve('paper_circle', {'period': period})
-    gap = assemble(configure(values)).setup.limits.gap
+    gap = assemble(configure(values)).setup.safety.gap
     assert gap > 3.0 * period and (gap == values['safety.gap'] or period > 1e-3)
 
 
@@ -434,7 +434,7 @@ def test_whatever_is_asked_and_was_before_the_torque_is_within_its_limits(
     demand, before, offset, takes_over, dt
 ):
     torque, excess, after, _ = limit_torque(
-        LIMITS, np.array(demand), last(before, offset, takes_over), dt
+        LIMITS, np.array(demand), last(before, offset, takes_over), 1e-3, dt
     )
     assert (np.abs(torque) <= 100.0).all()
     start = np.clip(before, -100.0, 100.0)

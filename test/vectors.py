@@ -1,6 +1,7 @@
 """Kernels called with arrays: the tests compute with arrays, kernels take vectors."""
 
 import functools
+from collections import namedtuple
 from typing import Any
 
 from parallel_robot_model.compiler import Boxed, as_vectors
@@ -22,6 +23,11 @@ def boxed(robot: Any, parameters: Any) -> Boxed:
     """What the kernels of a robot module take of its parameters, as from the suite."""
     constants = getattr(robot, 'constants', lambda parameters: parameters)
     return Boxed(constants(parameters))
+
+
+def setup_of(**parts: Any) -> Boxed:
+    """What a kernel reads of a ControlSetup: some of its parts."""
+    return Boxed(namedtuple('_'.join(parts), parts)(**parts))
 
 
 class OnVectors:

@@ -25,9 +25,9 @@ from parallel_robot.fmu.variables import WORD, Rows, Variable, of_group
 from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.limiting import limits_of
+from parallel_robot_control.safety.limiting import as_limits
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import Boxed, vector
+from parallel_robot_model.compiler import Boxed, as_constants, vector
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
@@ -40,6 +40,7 @@ MOST = 600_001  # samples of a motion, of 24 bytes a joint
 INSTEAD = {'clip': 'clip', 'where': 'select', 'dot': 'dot'}  # of NumPy, for vectors
 SLIDING = "sliding variable in the law's unit"
 APPLIED = 'torque applied during the step that ended at the measurement'
+OF_MOTORS = 'plant.torque_'
 OF_NODES = ('safety.state_timeout', 'safety.reference_timeout', 'safety.state_age')
 
 
@@ -79,10 +80,6 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     rows = Rows(int(values), loop.joints, robot.joint_units)
     last = int(values) + WORD * kernels.ROWS * len(loop.joints)
     gains, estimator = configuration.gains[loop.law], assembled.setup.estimator
-
-    def limits(safety: Any) -> Any:
-        return limits_of(safety, configuration.margins, loop.period)
-
     known = faults.of(robot.module)
     codes = {0: 'none'} | {number: fault.text for number, fault in known.items()}
     variables = [
@@ -141,7 +138,8 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
         *(
             each
             for each in of_group(
-                configuration.safety, 'safety', assembled.setup.limits, limits, robot.joint_units
+                configuration.safety, 'safety', assembled.setup.safety,
+                lambda safety: as_limits(safety, loop.period), robot.joint_units,
             )
             if each.name not in OF_NODES
         ),
@@ -186,10 +184,6 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
     last = int(values) + WORD * kernels.PLANT_ROWS * len(loop.joints)
     load = configuration.load
 
-    def limited(parameters: Any) -> Any:
-        stepping = plant.setup.stepping._replace(torque_limit=parameters.torque_limit)
-        return instance._replace(setup=plant.setup._replace(stepping=stepping))
-
     variables = [
         *rows.of('input', (kernels.PLANT_TORQUE, 'torque', 'N m', 'commanded torque')),
         *rows.of(
@@ -222,9 +216,10 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
         *(
             each
             for each in of_group(
-                configuration.parameters, 'plant', root, limited, robot.joint_units
+                configuration.parameters, 'plant', plant.setup.parameters, as_constants,
+                robot.joint_units,
             )
-            if each.role == 'parameter'
+            if each.name.startswith(OF_MOTORS)
         ),
         *of_robot(robot, 'true_robot', plant.setup.robot),
     ]  # fmt: skip

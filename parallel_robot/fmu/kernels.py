@@ -8,9 +8,9 @@ import numpy as np
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import When, before_cycle, run_cycle
+from parallel_robot_control.cycle import before_cycle, run_cycle
 from parallel_robot_control.safety.faults import NONE, STATES_STALE
-from parallel_robot_control.safety.limiting import OVERDUE
+from parallel_robot_control.safety.limiting import OVERDUE, When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Boxed,

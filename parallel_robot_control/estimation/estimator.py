@@ -8,24 +8,17 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import Law
-from parallel_robot_control.estimation.kalman import MOST, Kalman
-from parallel_robot_control.estimation.lock_in import (
-    LockIn,
-    LockInParameters,
-    lock_in_of,
-    result,
-    text,
-)
+from parallel_robot_control.estimation.lock_in import LockInParameters
+from parallel_robot_control.estimation.recent_torques import MOST
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import clip, inner, kernel, multiply, select, vector
+from parallel_robot_model.common.units import Array
+from parallel_robot_model.compiler import clip, inner, kernel, multiply, select
 from parallel_robot_model.configuration.fields import Field, PerJoint, ZeroAngle
 from parallel_robot_model.robots.contract import Model
 
-NONE, FILTER, LEVANT, KALMAN, AGED = range(5)
-KINDS = {'none': NONE, 'filter': FILTER, 'levant': LEVANT, 'kalman': KALMAN, 'aged': AGED}
+KINDS = ('auto', 'none', 'filter', 'levant', 'kalman', 'aged')
+AUTO, NONE, FILTER, LEVANT, KALMAN, AGED = range(6)
 MEASURED = (NONE, AGED)  # aged, of laws alone: with the age, and the reference of now
-AUTO = 'auto'
 IDENTIFY = 'identify'
 
 
@@ -88,18 +81,6 @@ class EstimatorParameters(NamedTuple):
         return not known and (self.kind != 'kalman' or self.velocities)
 
 
-class Estimator(NamedTuple):
-    """The parameters as the kernels take them."""
-
-    kind: int  # number of the kind
-    zero_angle: Array  # what is taken off the measured positions [rad], shape (n,)
-    bandwidth: float  # of the filter [Hz]
-    acceleration: Array  # bound of the accelerations [rad/s^2], shape (n,)
-    delay: float  # age of the states that their stamps do not tell [s]
-    kalman: Kalman  # the Kalman filter; used if it is the kind
-    lock_in: LockIn  # what identifies the delay
-
-
 class Estimated(NamedTuple):
     """Estimate of position [rad] and velocity [rad/s], each shape (n,)."""
 
@@ -110,34 +91,28 @@ class Estimated(NamedTuple):
 def kind_for(parameters: EstimatorParameters, law: Law) -> int:
     """Number of the kind for a law: what the parameters say, or else what the law asks for."""
     asked = getattr(getattr(law, 'foreign', law), 'ESTIMATOR', 'none')  # optional in the contract
-    return KINDS[asked if parameters.kind == AUTO else parameters.kind]
+    return KINDS.index(asked if parameters.kind == KINDS[AUTO] else parameters.kind)
 
 
 def levels_for(parameters: EstimatorParameters, law: Law) -> float:
     """Time over which levels are found for a law [s]; 0 for none."""
     asked: float = getattr(law, 'LEVELS', 0.0)  # optional in the contract
-    return asked if parameters.levels == AUTO else float(parameters.levels)
+    return asked if parameters.levels == KINDS[AUTO] else float(parameters.levels)
 
 
-def estimator_of(
-    parameters: EstimatorParameters,
-    identification: LockInParameters,
-    law: Law,
-    period: float,
-    memory: Any,
-) -> Estimator:
-    """Make the estimator from its parameters.
+def settled(
+    parameters: EstimatorParameters, identification: LockInParameters, law: Law, period: float
+) -> EstimatorParameters:
+    """The parameters with numbers in place of words.
 
     Args:
         parameters: The parameters.
         identification: How the delay is identified, if it is.
         law: The law that gets the estimates.
         period: Control period [s].
-        memory: The CycleMemory.
 
     Raises:
-        InputError: states and commands together are later than can be predicted, or the delay
-            cannot be identified at this period.
+        InputError: states and commands together are later than can be predicted.
     """
     key, delay = 'estimator.delay', 0.0
     if isinstance(parameters.delay, float):
@@ -152,46 +127,12 @@ def estimator_of(
             f'{MOST} periods, {MOST * period:g} s, not {late:g}',
             key,
         )
-    identifies = parameters.delay == IDENTIFY
-
-    def variance(values: PerJoint) -> Array:
-        return vector(np.square(values))
-
-    return Estimator(
-        kind_for(parameters, law),
-        vector(parameters.zero_angle),
-        parameters.bandwidth,
-        vector(parameters.acceleration),
-        delay,
-        Kalman(
-            period,
-            parameters.command_delay,
-            parameters.lag,
-            parameters.velocities,
-            variance(parameters.position_noise),
-            variance(parameters.velocity_noise),
-            variance(parameters.disturbance),
-            2.0 * math.pi * parameters.disturbance_bandwidth,
-            variance(parameters.offset),
-            variance(parameters.coulomb),
-            levels_for(parameters, law),
-            memory.kalman,
-            memory.torques,
-        ),
-        lock_in_of(identification, identifies, period, MOST * period, memory.lock_in),
-    )
-
-
-def delay_text(estimator: Estimator, phase: int, units: JointUnits = HINGES) -> str:
-    """What is known of the age of the states in a phase of the lock-in, for people."""
-    lock_in = estimator.lock_in
-    if not lock_in.on:
-        return ''
-    return text(lock_in, result(lock_in), estimator.delay, phase, units)
+    kind: Any = kind_for(parameters, law)
+    return parameters._replace(kind=kind, delay=delay, levels=levels_for(parameters, law))
 
 
 @kernel
-def filtered(estimator: Estimator, before: Estimated, position: Array, dt: float) -> Estimated:
+def filtered(estimator: Any, before: Estimated, position: Array, dt: float) -> Estimated:
     """Difference of two positions behind a low-pass filter of first order.
 
     v <- v + (1 - exp(-2 pi f dt)) ((q - q_before) / dt - v)
@@ -208,9 +149,7 @@ def filtered(estimator: Estimator, before: Estimated, position: Array, dt: float
 
 
 @kernel
-def differentiated(
-    estimator: Estimator, before: Estimated, position: Array, dt: float
-) -> Estimated:
+def differentiated(estimator: Any, before: Estimated, position: Array, dt: float) -> Estimated:
     """Levant's differentiator of first order, solved for its next state (backward Euler).
 
     With sigma = z - q, where q is the position, z its estimate and v that of the velocity,
@@ -240,7 +179,7 @@ def differentiated(
 
 @kernel
 def estimated(
-    estimator: Estimator, before: Estimated, known: bool, position: Array, dt: float
+    estimator: Any, before: Estimated, known: bool, position: Array, dt: float
 ) -> Estimated:
     """Estimates at a sample; at the first one, the robot is taken to be at rest.
 

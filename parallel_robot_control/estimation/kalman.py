@@ -6,13 +6,14 @@ cut where the torque changes: nothing need lie on a grid.
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation import recent_torques
-from parallel_robot_control.estimation.recent_torques import SIZE
+from parallel_robot_control.estimation.recent_torques import MOST, SIZE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Struct,
@@ -47,24 +48,6 @@ SMOOTH = 0.002  # rad/s, below which the desired motion has no clear sign
 DRIFT = 0.01  # 1/s, of the variances of constant disturbance and dry friction, relative
 
 
-class Kalman(NamedTuple):
-    """The filter as the kernels take it; variances have shape (n,)."""
-
-    period: float  # of the samples [s]
-    command_delay: float  # from a command until it acts [s]
-    lag: float  # time constant of the motors after that [s]
-    velocities: bool  # whether measured velocities are used
-    position: Array  # variance of the measured positions [rad^2]
-    velocity: Array  # of the measured velocities [(rad/s)^2]
-    disturbance: Array  # of w [(N m)^2]
-    bandwidth: float  # b [1/s]
-    offset: Array  # of c before it is known [(N m)^2]
-    coulomb: Array  # of f before it is known [(N m)^2]
-    levels: float  # time over which the first three variances are found [s]; 0: they are as given
-    memory: Any  # its KalmanMemory, a Struct
-    torques: Any  # the RecentTorques, a Struct
-
-
 class Mean(NamedTuple):
     """What is known of the joints, each shape (n,)."""
 
@@ -96,15 +79,15 @@ class Variance(NamedTuple):
 
 
 @inner
-def sign(kalman: Kalman, reference: JointReference, back: float) -> Array:
+def sign(command_delay: float, reference: JointReference, back: float) -> Array:
     """Sign of the desired motion some time before the torque acts [s], smooth, shape (n,)."""
-    later = kalman.command_delay - back
+    later = command_delay - back
     rate = reference.velocity + later * reference.acceleration
     return clip(rate / SMOOTH, -1.0, 1.0)
 
 
 @inner
-def moved(kalman: Kalman, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
+def moved(bandwidth: float, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
     """The means after a time h [s] under a torque [N m], shape (n,)."""
     against = multiply(model.Q, x.velocity) + model.gravity
     against = against + x.disturbance + x.offset + x.coulomb * sign
@@ -112,24 +95,27 @@ def moved(kalman: Kalman, model: Model, x: Mean, sign: Array, torque: Array, h: 
     return Mean(
         x.position + h * (x.velocity + 0.5 * h * acceleration),
         x.velocity + h * acceleration,
-        x.disturbance / (1.0 + h * kalman.bandwidth),
+        x.disturbance / (1.0 + h * bandwidth),
         x.offset,
         x.coulomb,
     )
 
 
 @inner
-def spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) -> Variance:
+def spread(
+    estimator: Any, noise: Array, mobility: Array, p: Variance, s: Array, h: float
+) -> Variance:
     """The covariances after a time h [s].
 
     Args:
-        kalman: The filter.
+        estimator: The EstimatorParameters.
+        noise: Variance of the disturbance [(N m)^2], shape (n,).
         mobility: 1 / M_ii [1/(kg m^2)], shape (n,).
         p: The covariances before.
         s: Sign of the motion, shape (n,).
         h: The time.
     """
-    left = 1.0 / (1.0 + h * kalman.bandwidth)  # of w
+    left = 1.0 / (1.0 + h * bandwidth_of(estimator))  # of w
     u = -h * mobility
     # 1. What a transition makes of the rows,
     qq, qv, qw = p.qq + h * p.qv, p.qv + h * p.vv, p.qw + h * p.vw
@@ -149,12 +135,12 @@ def spread(kalman: Kalman, mobility: Array, p: Variance, s: Array, h: float) -> 
         left * vw,
         vc,
         vf,
-        left * left * p.ww + (1.0 - left * left) * kalman.disturbance,
+        left * left * p.ww + (1.0 - left * left) * noise,
         left * p.wc,
         left * p.wf,
-        p.cc + h * DRIFT * kalman.offset,
+        p.cc + h * DRIFT * (estimator.offset * estimator.offset),
         p.cf,
-        p.ff + h * DRIFT * kalman.coulomb,
+        p.ff + h * DRIFT * (estimator.coulomb * estimator.coulomb),
     )
 
 
@@ -219,49 +205,36 @@ def _less(p: Variance, g: Array, of: Mean) -> Variance:
 RANGE = 100.0  # of a variance, to either side of the given one
 
 
+class Levels(NamedTuple):
+    """Variances of what is measured and of the disturbance, each shape (n,)."""
+
+    position: Array  # [rad^2]
+    velocity: Array  # [(rad/s)^2]
+    disturbance: Array  # [(N m)^2]
+
+
 @inner
-def with_levels(kalman: Kalman) -> Kalman:
-    """The filter with the levels that it found; as it is where it finds none."""
-    if kalman.levels == 0.0:
-        return kalman
-    memory = kalman.memory
-    return Kalman(
-        kalman.period,
-        kalman.command_delay,
-        kalman.lag,
-        kalman.velocities,
-        memory.position,
-        memory.velocity,
-        memory.disturbance,
-        kalman.bandwidth,
-        kalman.offset,
-        kalman.coulomb,
-        kalman.levels,
-        kalman.memory,
-        kalman.torques,
+def given_levels(estimator: Any) -> Levels:
+    """The levels that the parameters tell."""
+    return Levels(
+        estimator.position_noise * estimator.position_noise,
+        estimator.velocity_noise * estimator.velocity_noise,
+        estimator.disturbance * estimator.disturbance,
     )
 
 
 @inner
-def begin_levels(kalman: Kalman) -> None:
-    """Begin at the given levels."""
-    memory = kalman.memory
-    memory.position, memory.velocity = kalman.position, kalman.velocity
-    memory.disturbance = kalman.disturbance
-
-
-@inner
-def next_level(kalman: Kalman, level: Array, given: Array, square: Array, dt: float) -> Array:
+def next_level(time: float, level: Array, given: Array, square: Array, dt: float) -> Array:
     """A level that follows a square.
 
     Args:
-        kalman: The filter.
+        time: Over which it is found [s].
         level: As it is, shape (n,).
         given: The level at the beginning, shape (n,).
         square: What has the level for its mean, shape (n,).
         dt: Time since the state before [s].
     """
-    share = select(dt < kalman.levels, dt / kalman.levels, 1.0)
+    share = select(dt < time, dt / time, 1.0)
     level = level + share * (square - level)
     level = select(level < given / RANGE, given / RANGE, level)
     return select(level > given * RANGE, given * RANGE, level)
@@ -269,7 +242,6 @@ def next_level(kalman: Kalman, level: Array, given: Array, square: Array, dt: fl
 
 # What the Kalman filter keeps from state to state.
 
-MOST = 50  # samples, largest age from which is predicted
 AT_REST = 1e-6  # (rad/s)^2, variance of the velocity of a robot at rest
 MOVING = 1.0  # (rad/s)^2, of one that moves
 
@@ -279,40 +251,33 @@ class KalmanMemory(NamedTuple):
 
     mean: Mean
     variance: Variance
-    position: Array  # levels that it found, see Kalman, shape (n,)
-    velocity: Array
-    disturbance: Array
+    levels: Levels  # that it found
 
 
 def kalman_memory(zero: Array) -> Struct:
     """Before the first state; `zero`: a vector, shape (n,)."""
     mean, variance = Mean(*[zero] * 5), Variance(*[zero] * 15)
-    return Struct(KalmanMemory(mean, variance, zero, zero, zero))
+    return Struct(KalmanMemory(mean, variance, Levels(zero, zero, zero)))
 
 
 @inner
-def running(kalman: Kalman, sample: int, known: bool) -> bool:
+def running(torques: Any, sample: int, known: bool) -> bool:
     """Whether the filter ran not long before a sample; `known`: whether there was one."""
-    torques = kalman.torques
     since = sample - torques.newest
     return known and torques.tracked and since >= 0 and since <= SIZE - 2 * MOST
 
 
 @inner
 def begin(
-    kalman: Kalman, moving: bool, position: Array, velocity: Array, torque: Array
+    setup: Any, levels: Levels, moving: bool, position: Array, velocity: Array, torque: Array
 ) -> tuple[Mean, Variance]:
     """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
-    z = np.zeros_like(position)
-    recent_torques.fill(kalman.torques, torque)
+    estimator, z = setup.estimator, np.zeros_like(position)
+    recent_torques.fill(setup.memory.torques, torque)
     v = z + select(moving, MOVING, AT_REST)
-    q, w, c, f = (
-        z + kalman.position,
-        z + kalman.disturbance,
-        z + kalman.offset,
-        z + kalman.coulomb,
-    )
+    c, f = estimator.offset * estimator.offset, estimator.coulomb * estimator.coulomb
     mean = Mean(position, velocity, z, z, z)
+    q, w = levels.position, levels.disturbance
     return mean, Variance(q, z, z, z, z, v, z, z, z, w, z, z, c, z, f)
 
 
@@ -326,7 +291,7 @@ class Predicted(NamedTuple):
 
 @kernel
 def predicted(
-    kalman: Kalman,
+    setup: Any,
     model: Model,
     reference: JointReference,
     position: Array,
@@ -341,11 +306,11 @@ def predicted(
     """Take a state into account, and predict to the moment at which the torque acts.
 
     Args:
-        kalman: The filter.
+        setup: The ControlSetup.
         model: Nominal model at the measured joints.
         reference: Desired motion at the sample.
         position: Measured angles [rad], shape (n,).
-        velocity: Measured rates [rad/s], shape (n,); not used unless `kalman.velocities`.
+        velocity: Measured rates [rad/s], shape (n,); not used unless `estimator.velocities`.
         before: Torque before this sample [N m], shape (n,); used at the first state.
         missing: Torque that was asked for and did not act [N m], shape (n,).
         moving: Whether there was a state before; if not, the robot is at rest.
@@ -354,13 +319,14 @@ def predicted(
             periods does not count.
         dt: Time since the state before was measured [s].
     """
-    given, finds, memory = kalman, kalman.levels > 0.0, kalman.memory
-    period, most = kalman.period, MOST * kalman.period
+    estimator, memory, torques = setup.estimator, setup.memory.kalman, setup.memory.torques
+    period, most, bandwidth = setup.period, MOST * setup.period, bandwidth_of(estimator)
+    delay, given, time = estimator.command_delay, given_levels(estimator), estimator.levels
     late = select(late > most, most, late)
     # 1. From the state before to this one, under the torques that acted.
-    if running(kalman, sample, moving):
+    if running(torques, sample, moving):
         x, p = memory.mean, memory.variance
-        kalman = with_levels(kalman)
+        levels = memory.levels if time > 0.0 else given
         mobility = 1.0 / _diagonal(model.M, position)
         start = late + select(dt > most, most, dt)
         j = _periods(start, period)
@@ -368,50 +334,52 @@ def predicted(
             high = select(start < j * period, start, j * period)
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
-            s = sign(kalman, reference, high)
-            torque = recent_torques.acting_at(kalman.torques, sample - j)
-            torque = torque - missing
-            x = moved(kalman, model, x, s, torque, h)
-            p = spread(kalman, mobility, p, s, h)
+            s = sign(delay, reference, high)
+            torque = recent_torques.acting_at(torques, sample - j) - missing
+            x = moved(bandwidth, model, x, s, torque, h)
+            p = spread(estimator, levels.disturbance, mobility, p, s, h)
             j -= 1
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
         miss = position - x.position
-        if finds:
-            square = miss * miss - p.qq
-            memory.position = next_level(kalman, memory.position, given.position, square, dt)
-        x, p = corrected(x, p, of, miss, p.qq + kalman.position)
-        if kalman.velocities:
+        of_position = next_level(time, levels.position, given.position, miss * miss - p.qq, dt)
+        x, p = corrected(x, p, of, miss, p.qq + levels.position)
+        of_velocity = levels.velocity
+        if estimator.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
             miss = velocity - x.velocity
-            if finds:
-                square = miss * miss - p.vv
-                memory.velocity = next_level(kalman, memory.velocity, given.velocity, square, dt)
-            x, p = corrected(x, p, of, miss, p.vv + kalman.velocity)
-        if finds:
+            square = miss * miss - p.vv
+            of_velocity = next_level(time, levels.velocity, given.velocity, square, dt)
+            x, p = corrected(x, p, of, miss, p.vv + levels.velocity)
+        if time > 0.0:
             square = x.disturbance * x.disturbance + p.ww
-            memory.disturbance = next_level(
-                kalman, memory.disturbance, given.disturbance, square, dt
-            )
+            of_torque = next_level(time, levels.disturbance, given.disturbance, square, dt)
+            memory.levels = Levels(of_position, of_velocity, of_torque)
     else:
-        rate = velocity if kalman.velocities else np.zeros_like(velocity)
-        x, p = begin(kalman, moving, position, rate, before)
-        begin_levels(kalman)
+        rate = velocity if estimator.velocities else np.zeros_like(velocity)
+        x, p = begin(setup, given, moving, position, rate, before)
+        memory.levels = given
     memory.mean, memory.variance = x, p
     # 2. Over the age of this state, under the torques that were asked for since.
     j = _periods(late, period)
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = recent_torques.acting_at(kalman.torques, sample - j) - missing
-        x = moved(kalman, model, x, sign(kalman, reference, high), torque, h)
+        torque = recent_torques.acting_at(torques, sample - j) - missing
+        x = moved(bandwidth, model, x, sign(delay, reference, high), torque, h)
         j -= 1
     # 3. And over the lag of the motors, which delays what is asked for now by as much.
-    s = sign(kalman, reference, -kalman.lag)
-    if kalman.lag > 0.0:
-        torque = recent_torques.acting_after(kalman.torques) - missing
-        x = moved(kalman, model, x, s, torque, kalman.lag)
+    s = sign(delay, reference, -estimator.lag)
+    if estimator.lag > 0.0:
+        torque = recent_torques.acting_after(torques) - missing
+        x = moved(bandwidth, model, x, s, torque, estimator.lag)
     unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)
+
+
+@inner
+def bandwidth_of(estimator: Any) -> float:
+    """Bandwidth b of the disturbance [1/s]."""
+    return 2.0 * math.pi * estimator.disturbance_bandwidth
 
 
 @inner

@@ -23,30 +23,29 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot_control.estimation.recent_torques import MOST, samples_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import Struct, every, inner, select, solve, vector
+from parallel_robot_model.compiler import Struct, every, inner, select, solve
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Model
 
 NEAR = 0.05, 2.0  # periods, standard errors from a whole number of periods, which it then is
 APART = 0.5  # periods by which a joint may tell another delay than all together
 GAP = 28  # samples; after more without a state it begins anew
+LEAST = 4, 20  # samples of an oscillation, oscillations
 
 OFF, WAITING, UNDER_WAY, FOUND, KEPT = range(5)  # phases
 
 
-class LockIn(NamedTuple):
-    """The lock-in as the kernels take it."""
+class LockInParameters(NamedTuple):
+    """How ``estimator.delay: identify`` finds the age of the states."""
 
-    on: bool  # whether the delay is to be identified
-    period: float  # of the samples [s]
-    torque: Array  # amplitudes of the sine [N m], shape (n,)
-    frequency: float  # W, its angular frequency [rad/s]
-    start: int  # samples before it begins
-    length: int  # samples that it lasts
-    most: float  # largest delay that can be predicted [s]
-    memory: Any  # its LockInMemory, a Struct
+    torque: Annotated[PerJoint, Field('N m', 'amplitude of the sine that is added', 1e-6)]
+    frequency: Annotated[float, Field('Hz', 'its frequency', 0.1)]
+    start: Annotated[float, Field('s', 'when it begins, after the first state', 0.0, 1000.0)]
+    duration: Annotated[float, Field('s', 'how long it lasts', 0.0, 1000.0)]
+    delay: Annotated[float, Field('s', 'age that is assumed until it has ended', 0.0)]
 
 
 class LockInMemory(NamedTuple):
@@ -72,117 +71,107 @@ def lock_in_memory(zero: Array) -> Struct:
 
 
 @inner
-def delay_at(lock_in: LockIn, assumed: float, known: bool) -> float:
-    """Age of a state that its stamp does not tell [s], as known before the state.
-
-    Args:
-        lock_in: The lock-in.
-        assumed: The age without it.
-        known: Whether there was a state before.
-    """
-    if lock_in.on and known and lock_in.memory.end > 0:
-        return lock_in.memory.delay
-    return assumed
+def delay_at(setup: Any, known: bool) -> float:
+    """Age of a state that its stamp does not tell [s]; `known`: whether one came before it."""
+    if setup.identifies and known and setup.memory.lock_in.end > 0:
+        return setup.memory.lock_in.delay
+    return setup.estimator.delay
 
 
 @inner
-def begin(lock_in: LockIn, sample: int, known: bool, failed: bool, like: Array) -> None:
+def begin(setup: Any, sample: int, known: bool, failed: bool) -> None:
     """Begin anew in a new run, and if a fault or missing states have interrupted it.
 
     Args:
-        lock_in: The lock-in.
+        setup: The ControlSetup.
         sample: Index of the sample.
         known: Whether there was a state before.
         failed: Whether the controller is in a fault.
-        like: Any vector of shape (n,).
     """
-    at = lock_in.memory
+    at = setup.memory.lock_in
     broken = sample - at.last > GAP or failed
     if not known or (broken and at.end == 0):
         at.first, at.end, at.sound = sample, 0, True
         at.weight, at.age, at.delay = 0.0, 0.0, 0.0
-        zero = np.zeros_like(like)
+        zero = np.zeros_like(at.y_cos)
         at.y_cos, at.y_sin, at.a_cos, at.a_sin, at.of_joints = zero, zero, zero, zero, zero
     at.last = sample
 
 
 @inner
-def place(lock_in: LockIn, sample: int) -> int:
+def place(setup: Any, sample: int) -> int:
     """How many samples it has lasted at a sample; negative before it begins and after its end."""
-    since = sample - lock_in.memory.first - lock_in.start
-    over = lock_in.memory.end > 0 or since >= lock_in.length
+    at, lock_in = setup.memory.lock_in, setup.lock_in
+    since = sample - at.first - samples_of(setup, lock_in.start)
+    over = at.end > 0 or since >= samples_of(setup, lock_in.duration)
     return -1 if over else since
 
 
 @inner
-def added(lock_in: LockIn, sample: int) -> Array:
+def _angle(setup: Any, k: int) -> float:
+    """Of the sine after k samples [rad]."""
+    return 2.0 * math.pi * setup.lock_in.frequency * setup.period * k
+
+
+@inner
+def added(setup: Any, sample: int) -> Array:
     """Torque that is added at a sample [N m], shape (n,)."""
-    k = place(lock_in, sample)
+    k = place(setup, sample)
     size = 0.0
     if k >= 0:
-        size = _window(lock_in, k) * math.sin(lock_in.frequency * lock_in.period * k)
-    return lock_in.torque * size
+        size = _window(setup, k) * math.sin(_angle(setup, k))
+    return setup.lock_in.torque * size
 
 
 @inner
 def observe(
-    lock_in: LockIn,
-    sample: int,
-    model: Model,
-    error: Array,
-    torque: Array,
-    age: float,
-    command_delay: float,
-    lag: float,
-    assumed: float,
-    failed: bool,
+    setup: Any, sample: int, model: Model, error: Array, torque: Array, age: float, failed: bool
 ) -> None:
     """Take a state and its torque into account; after the last one, find the delay.
 
     Args:
-        lock_in: The lock-in.
-        sample: Index of the sample from which on the torque acts, but for `command_delay`.
+        setup: The ControlSetup.
+        sample: Index of the sample from which on the torque acts, but for the command's delay.
         model: Nominal model.
         error: Measured joints less reference [rad], shape (n,); slow but for the oscillation.
         torque: The torque, within its limits [N m], shape (n,).
         age: Of the state at the sample, as its stamp tells [s].
-        command_delay: From a command until it acts [s].
-        lag: Time constant of the motors after that [s].
-        assumed: Delay without the lock-in [s].
         failed: Whether the controller is in a fault.
     """
-    at = lock_in.memory
+    at, estimator = setup.memory.lock_in, setup.estimator
     if at.end == 0 and failed:
         at.sound = False
-    k = place(lock_in, sample)
+    k = place(setup, sample)
     if k < 0:
         return
-    h = _window(lock_in, k)
-    weight, angle = h * h, lock_in.frequency * lock_in.period * k
+    h = _window(setup, k)
+    weight, angle = h * h, _angle(setup, k)
     cosine, sine = weight * math.cos(angle), -weight * math.sin(angle)
     pushed = solve(model.M, torque)
     at.y_cos, at.y_sin = at.y_cos + cosine * error, at.y_sin + sine * error
     at.a_cos, at.a_sin = at.a_cos + cosine * pushed, at.a_sin + sine * pushed
     at.age += weight * age
     at.weight += weight
-    if k == lock_in.length - 1:
-        told = at.age / at.weight + command_delay
-        told += math.atan(lock_in.frequency * lag) / lock_in.frequency
-        _end(lock_in, told, assumed)
+    if k == samples_of(setup, setup.lock_in.duration) - 1:
+        frequency = 2.0 * math.pi * setup.lock_in.frequency
+        told = at.age / at.weight + estimator.command_delay
+        told += math.atan(frequency * estimator.lag) / frequency
+        _end(setup, told)
         at.end = sample + 1
 
 
 @inner
-def _window(lock_in: LockIn, k: int) -> float:
+def _window(setup: Any, k: int) -> float:
     """Amplitude of the sine, 0 to 1 (Hann); as a weight, squared, it lets nothing slow through."""
-    sine = math.sin(math.pi * (k + 0.5) / lock_in.length)
+    sine = math.sin(math.pi * (k + 0.5) / samples_of(setup, setup.lock_in.duration))
     return sine * sine
 
 
 @inner
-def _end(lock_in: LockIn, told: float, assumed: float) -> None:
+def _end(setup: Any, told: float) -> None:
     """Find the delay, beside `told` [s], that stamps and `command_delay` tell already."""
-    at, period = lock_in.memory, lock_in.period
+    at, period = setup.memory.lock_in, setup.period
+    frequency = 2.0 * math.pi * setup.lock_in.frequency
     y_cos, y_sin, a_cos, a_sin = at.y_cos, at.y_sin, at.a_cos, at.a_sin
     # 1. -Y conj(A) of each joint, and of all together.
     re = -(y_cos * a_cos + y_sin * a_sin)
@@ -190,14 +179,14 @@ def _end(lock_in: LockIn, told: float, assumed: float) -> None:
     all_re, all_im = np.sum(re), np.sum(im)
     # 2. The delay from three quarters of an oscillation down to minus one quarter.
     turns = -np.arctan2(all_im, all_re) * (0.5 / math.pi)
-    cycle = 2.0 * math.pi / lock_in.frequency
+    cycle = 2.0 * math.pi / frequency
     turns = turns - (0.5 * period + told) / cycle
     turns = turns - np.floor(turns + 0.25)
     delay = turns * cycle
     # 3. How far each joint is from it.
     across, along = im * all_re - re * all_im, re * all_re + im * all_im
-    apart = -np.arctan2(across, along) / lock_in.frequency
-    inside = (delay >= -APART * period) & (delay + told <= lock_in.most)
+    apart = -np.arctan2(across, along) / frequency
+    inside = (delay >= -APART * period) & (delay + told <= MOST * period)
     at.sound = at.sound and every(np.abs(apart) <= APART * period) and inside
     at.of_joints = apart + delay
     delay = select(delay > 0.0, delay, 0.0)
@@ -208,67 +197,40 @@ def _end(lock_in: LockIn, told: float, assumed: float) -> None:
     off = np.abs(delay - whole)
     near = (off <= NEAR[0] * period) | (off <= NEAR[1] * error)
     delay = select(near, whole, delay)
-    at.delay = select(at.sound, delay, assumed)
+    at.delay = select(at.sound, delay, setup.estimator.delay)
 
 
 @inner
-def phase(lock_in: LockIn, sample: int) -> int:
+def phase(setup: Any, sample: int) -> int:
     """What it is doing after a sample: OFF, WAITING, UNDER_WAY, FOUND or KEPT."""
-    if not lock_in.on:
+    if not setup.identifies:
         return OFF
-    if lock_in.memory.end == 0:
-        return WAITING if place(lock_in, sample) < 0 else UNDER_WAY
-    return FOUND if lock_in.memory.sound else KEPT
+    if setup.memory.lock_in.end == 0:
+        return WAITING if place(setup, sample) < 0 else UNDER_WAY
+    return FOUND if setup.memory.lock_in.sound else KEPT
 
 
-# Identification of the age of the states: its parameters, what refuses it, what it tells.
-
-LEAST = 4, 20  # samples of an oscillation, oscillations
-
-
-class LockInParameters(NamedTuple):
-    """How ``estimator.delay: identify`` finds the age of the states."""
-
-    torque: Annotated[PerJoint, Field('N m', 'amplitude of the sine that is added', 1e-6)]
-    frequency: Annotated[float, Field('Hz', 'its frequency', 0.1)]
-    start: Annotated[float, Field('s', 'when it begins, after the first state', 0.0, 1000.0)]
-    duration: Annotated[float, Field('s', 'how long it lasts', 0.0, 1000.0)]
-    delay: Annotated[float, Field('s', 'age that is assumed until it has ended', 0.0)]
-
-
-def lock_in_of(
-    parameters: LockInParameters, on: bool, period: float, most: float, memory: Struct
-) -> LockIn:
-    """Make the lock-in from its parameters; `on`: whether it is to run; see :class:`LockIn`.
+def check(parameters: LockInParameters, period: float) -> None:
+    """Refuse so few samples or oscillations that they tell no delay; `period` of samples in s.
 
     Raises:
-        InputError: so few samples or oscillations tell no delay.
+        InputError: they are too few.
     """
     frequency, duration = parameters.frequency, parameters.duration
     samples, oscillations = LEAST
-    if on and frequency * period * samples > 1.0:
+    if frequency * period * samples > 1.0:
         fastest = 1.0 / (samples * period)
         raise InputError(
             f'lock_in.frequency must be at most {fastest:g} Hz, {samples} samples of '
             f'{period:g} s to an oscillation, not {frequency:g}',
             'lock_in.frequency',
         )
-    if on and duration * frequency < oscillations:
+    if duration * frequency < oscillations:
         raise InputError(
             f'lock_in.duration must be at least {oscillations / frequency:g} s, '
             f'{oscillations} oscillations, not {duration:g}',
             'lock_in.duration',
         )
-    return LockIn(
-        on,
-        period,
-        vector(parameters.torque),
-        2.0 * math.pi * frequency,
-        round(parameters.start / period),
-        round(duration / period),
-        most,
-        memory,
-    )
 
 
 class Result(NamedTuple):
@@ -280,61 +242,56 @@ class Result(NamedTuple):
     end: int  # the first sample after the end, counted from the first state; 0 before it
 
 
-def result(lock_in: LockIn) -> Result:
-    """What a lock-in has found."""
-    at, phase = lock_in.memory, OFF
-    if lock_in.on:
+def result(setup: Any) -> Result:
+    """What has been found by the cycle with a ControlSetup."""
+    at, phase = setup.memory.lock_in, OFF
+    if setup.identifies:
         phase = WAITING if not at.end else FOUND if at.sound else KEPT
     end = at.end - at.first if at.end else 0
     return Result(phase, float(at.delay), np.asarray(at.of_joints), int(end))
 
 
-def phases(
-    lock_in: LockIn, samples: NDArray[np.int64], first_fault: int | None
-) -> NDArray[np.int64]:
+def phases(setup: Any, samples: NDArray[np.int64], first_fault: int | None) -> NDArray[np.int64]:
     """What a lock-in was doing after samples of a run that it has seen, shape (N,).
 
     Args:
-        lock_in: The lock-in.
+        setup: The ControlSetup.
         samples: The samples, shape (N,).
         first_fault: The first sample of a fault of the controller, which stays; None without one.
     """
-    if not lock_in.on:
+    if not setup.identifies:
         return np.full(len(samples), OFF)
-    outcome = result(lock_in)
-    under_way = samples >= lock_in.start
+    outcome = result(setup)
+    under_way = samples >= round(setup.lock_in.start / setup.period)
     if first_fault is not None:
         under_way &= samples <= first_fault
     doing = np.where(under_way, UNDER_WAY, WAITING)
     return np.where(samples >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
 
 
-def text(
-    lock_in: LockIn, outcome: Result, assumed: float, phase: int, units: JointUnits = HINGES
-) -> str:
-    """What it is doing, for people; empty where the delay is not identified.
+def delay_text(setup: Any, phase: int, units: JointUnits = HINGES) -> str:
+    """What is known of the age of the states, for people; empty where it is not identified.
 
     Args:
-        lock_in: The lock-in.
-        outcome: What has been found.
-        assumed: The delay without it [s].
+        setup: The ControlSetup.
         phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
         units: Units of the joints.
     """
+    if not setup.identifies:
+        return ''
+    lock_in, outcome = setup.lock_in, result(setup)
     low, high = 1e3 * outcome.of_joints.min(), 1e3 * outcome.of_joints.max()
     tell = f'by joint {low:.3f} to {high:.3f} ms'
-    known = f'{1e3 * assumed:g} ms assumed'
+    known = f'{1e3 * setup.estimator.delay:g} ms assumed'
     if phase == UNDER_WAY:
         size = ', '.join(f'{each:g}' for each in np.unique(lock_in.torque))
-        what = (
-            f'{size} {units.of("N m")} at {lock_in.frequency / 2.0 / math.pi:g} Hz are added for'
-        )
-        return f'{known}, being identified: {what} {lock_in.length * lock_in.period:g} s'
+        what = f'{size} {units.of("N m")} at {lock_in.frequency:g} Hz are added for'
+        length = round(lock_in.duration / setup.period) * setup.period
+        return f'{known}, being identified: {what} {length:g} s'
     if phase == FOUND:
-        cycle = 2e3 * math.pi / lock_in.frequency
-        same = f'{cycle:.4g} ms more would look the same'
+        same = f'{1e3 / lock_in.frequency:.4g} ms more would look the same'
         return f'{1e3 * outcome.delay:.4g} ms identified, {tell}; {same}'
     if phase == KEPT:
-        most = 1e3 * APART * lock_in.period
+        most = 1e3 * APART * setup.period
         return f'{known}, not identified: {tell}, more than {most:g} ms from all, or below 0'
     return f'{known}, not identified yet' if phase == WAITING else ''

@@ -11,6 +11,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Struct, inner, read_row, select, write_row
 
 SIZE = 128  # torques that are remembered
+MOST = 50  # samples, largest age from which is predicted
 
 
 class RecentTorques(NamedTuple):
@@ -29,6 +30,12 @@ def recent_torques(zero: Array) -> Struct:
     """No torque yet; `zero`: a vector, shape (n,)."""
     rows = SIZE, len(zero)
     return Struct(RecentTorques(0, False, 0.0, np.zeros(rows), np.zeros(rows), zero, zero))
+
+
+@inner
+def samples_of(setup: Any, time: float) -> int:
+    """A time [s] in periods of a ControlSetup."""
+    return int(np.rint(time / setup.period))
 
 
 @inner
@@ -69,26 +76,17 @@ def _newest_of_law(torques: Any) -> Array:
 
 
 @inner
-def remember(
-    torques: Any,
-    sample: int,
-    torque: Array,
-    added: Array,
-    tracking: bool,
-    lag: float,
-    period: float,
-) -> None:
+def remember(setup: Any, sample: int, torque: Array, added: Array, tracking: bool) -> None:
     """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
 
     Args:
-        torques: What is remembered.
+        setup: The ControlSetup.
         sample: Index of the sample.
         torque: [N m], shape (n,).
         added: What of it was added to that of the law [N m], shape (n,).
         tracking: Whether the filter ran at this sample.
-        lag: Time constant of the motors [s].
-        period: Of the samples [s].
     """
+    torques, lag, period = setup.memory.torques, setup.estimator.lag, setup.period
     last = torques.newest
     if sample > last + 1:
         held, of_law = torque_at(torques, last), _newest_of_law(torques)

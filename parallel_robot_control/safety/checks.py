@@ -9,7 +9,12 @@ import numpy as np
 from parallel_robot_control.estimation import recent_torques
 from parallel_robot_control.estimation.estimator import Observed, observed
 from parallel_robot_control.safety import faults
-from parallel_robot_control.safety.limiting import ZERO, Last, Limits, safe_torque
+from parallel_robot_control.safety.limiting import (
+    ZERO,
+    Last,
+    When,
+    safe_torque,
+)
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Struct,
@@ -56,25 +61,19 @@ def ways_memory(zero: Array) -> Struct:
 
 @inner
 def inconsistent(
-    memory: Any,
-    tolerance: float,
-    position: Array,
-    velocity: Array,
-    before: Array,
-    comparable: bool,
-    dt: float,
+    setup: Any, position: Array, velocity: Array, before: Array, comparable: bool, dt: float
 ) -> int:
     """The fault of states whose positions and rates contradict each other, else NONE.
 
     Args:
-        memory: A WaysMemory, as a Struct.
-        tolerance: Difference that does not count [rad].
+        setup: The ControlSetup.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         before: Angles of the state before [rad], shape (n,).
         comparable: Whether there was a state not long before, and rates are measured.
         dt: Time since then [s].
     """
+    memory, tolerance = setup.memory.ways, setup.safety.rate_tolerance
     went, told = position - before, dt * velocity
     fresh = not (comparable and memory.in_doubt)
     if comparable and fresh and every(np.abs(went - told) <= ALIKE * tolerance):
@@ -143,43 +142,29 @@ class Arrival(NamedTuple):
 
 
 @inner
-def arrival(
-    memory: Any,
-    torques: Any,
-    period: float,
-    tolerance: Array,
-    effort: Array,
-    sample: int,
-    age: float,
-    known: bool,
-    comparable: bool,
-    dt: float,
-) -> Arrival:
+def arrival(setup: Any, effort: Array, when: When, known: bool, comparable: bool) -> Arrival:
     """Compare the effort that a state tells with the commands of the last samples.
 
     Args:
-        memory: An ArrivalMemory, as a Struct.
-        torques: The RecentTorques, as a Struct.
-        period: Of the samples [s].
-        tolerance: Difference that does not count [N m], shape (n,).
+        setup: The ControlSetup.
         effort: Torque of the period that ended at the measurement [N m], shape (n,); NaN where it
             is not known.
-        sample: Index of the sample from which on the next torque acts.
-        age: From the measurement to that sample [s].
+        when: Times of the cycle.
         known: Whether there was a state before.
         comparable: Whether there was one not long before; if not, what acts is what is told.
-        dt: Time since the state before [s].
     """
+    memory, torques = setup.memory.arrival, setup.memory.torques
+    tolerance, period, dt = setup.safety.effort_tolerance, setup.period, when.dt
     nothing, newest, before = np.zeros_like(effort), torques.newest, memory.motors
-    if not comparable or sample < newest:  # nothing was commanded lately
+    if not comparable or when.sample < newest:  # nothing was commanded lately
         recent_torques.fill(torques, select(effort - effort == 0.0, effort, nothing))
         memory.spell = 0.0
         memory.motors = select(known and before != UNPROVEN, OBEYED, UNPROVEN)
         return Arrival(nothing, 0.0, False, False)
     # 1. The usual case: the last command acted.
-    last = sample - 1
-    if age > 0.0:
-        last -= int(age / period + 0.5)
+    last = when.sample - 1
+    if when.age > 0.0:
+        last -= int(when.age / period + 0.5)
     last = select(last > newest, newest, last)
     asked, spell = recent_torques.torque_at(torques, last), memory.spell
     apart = some(np.abs(asked - effort) > tolerance)
@@ -236,39 +221,29 @@ def momentum_memory(zero: Array) -> Struct:
 
 @inner
 def is_resisted(
-    memory: Any,
-    sample: int,
-    limit: Array,
-    damping: Array,
-    model: Model,
-    velocity: Array,
-    torque: Array,
-    comparable: bool,
-    dt: float,
+    setup: Any, model: Model, velocity: Array, torque: Array, when: When, comparable: bool
 ) -> bool:
     """Whether much more than friction has acted against the torque: the more, the shorter.
 
     Args:
-        memory: A MomentumMemory, as a Struct.
-        sample: Index of the sample from which on the next torque acts.
-        limit: Residual that does not count [N m], shape (n,).
-        damping: Damping of the safe action [N m s/rad], shape (n,).
+        setup: The ControlSetup.
         model: Nominal model at the state; none in a fault of the robot.
         velocity: Measured rates [rad/s], shape (n,).
         torque: Torque since the state before [N m], shape (n,).
+        when: Times of the cycle.
         comparable: Whether there was a state not long before.
-        dt: Time since then [s].
     """
-    since = sample - memory.sample
+    memory, safety = setup.memory.momentum, setup.safety
+    since = when.sample - memory.sample
     follows = comparable and since >= 0 and since <= RECENT_SAMPLES
     if not model.M[0, 0] > 0.0:
         return False
-    now = observed(BANDWIDTH, memory.observed, follows, model, velocity, torque, dt)
+    now = observed(BANDWIDTH, memory.observed, follows, model, velocity, torque, when.dt)
     memory.observed = now
-    level = np.abs(now.residual) - SHARE_OF_EFFECT * damping * np.abs(velocity)
-    times = largest(select(level > 0.0, level, np.zeros_like(level)) / limit)
-    lasts = select(times > 1.0 and follows, memory.lasted + times * dt, 0.0)
-    memory.sample, memory.lasted = sample, lasts
+    level = np.abs(now.residual) - SHARE_OF_EFFECT * safety.damping * np.abs(velocity)
+    times = largest(select(level > 0.0, level, np.zeros_like(level)) / safety.residual_limit)
+    lasts = select(times > 1.0 and follows, memory.lasted + times * when.dt, 0.0)
+    memory.sample, memory.lasted = when.sample, lasts
     return lasts > LASTS
 
 
@@ -291,29 +266,22 @@ STEPS = 32
 
 
 @kernel
-def damping_of(limits: Limits, velocity: Array) -> Array:
+def damping_of(safety: Any, velocity: Array) -> Array:
     """Damping within the torque limit, less the reserve [N m s/rad], shape (n,)."""
-    damping, speed = limits.safe.damping, np.abs(velocity)
-    within = damping * speed <= limits.torque
-    return select(within, damping, limits.torque / speed) / RESERVE
+    damping, speed = safety.damping, np.abs(velocity)
+    within = damping * speed <= safety.torque_limit
+    return select(within, damping, safety.torque_limit / speed) / RESERVE
 
 
 @kernel
-def way_to_rest(limits: Limits, momentum: Array) -> float:
+def way_to_rest(safety: Any, momentum: Array) -> float:
     """Longest way of a joint to rest, D^-1 M v, with M held and no torque limit [rad]."""
-    return largest(momentum / limits.safe.damping)
+    return largest(momentum / safety.damping)
 
 
 @inner
 def too_fast(
-    estimate: Any,
-    robot: Any,
-    limits: Limits,
-    position: Array,
-    velocity: Array,
-    found: Estimate,
-    last: Last,
-    late: float,
+    setup: Any, position: Array, velocity: Array, found: Estimate, last: Last, late: float
 ) -> bool:
     """Whether the robot could not be brought to rest without a fault of its own.
 
@@ -322,25 +290,23 @@ def too_fast(
     one that goes to a singularity.
 
     Args:
-        estimate: Estimate of the robot module for states that are only judged, as FirstClass.
-        robot: Constants of the nominal robot.
-        limits: Limits, safe action and margins.
+        setup: The ControlSetup.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         found: The estimate there; no fault.
         last: The cycle before.
         late: Age of the state [s].
     """
-    momentum = multiply(found.model.M, velocity)
-    if limits.safe.action == ZERO or not every((limits.safe.damping > 0.0) & (limits.torque > 0)):
+    safety, momentum = setup.safety, multiply(found.model.M, velocity)
+    if safety.action == ZERO or not every((safety.damping > 0.0) & (safety.torque_limit > 0)):
         return False
     # 1. The motion goes on until the torque has turned round.
-    wanted = safe_torque(limits.safe, position, position, velocity)
-    turning = largest((wanted - last.torque) / limits.rate)
+    wanted = safe_torque(safety, position, position, velocity)
+    turning = largest((wanted - last.torque) / safety.torque_rate)
     position = position + (late + turning) * velocity
     # 2. The way to rest.
     for _ in range(STEPS):
-        damping, drift = damping_of(limits, velocity), multiply(found.model.Q, velocity)
+        damping, drift = damping_of(safety, velocity), multiply(found.model.Q, velocity)
         size = largest(momentum)
         step = min(
             BRAKED * size / largest(damping * velocity),
@@ -348,17 +314,16 @@ def too_fast(
         )
         M = found.model.M + np.diag((0.5 * step) * damping)
         halfway = solve(M, momentum - (0.5 * step) * drift)
-        found = estimate(
-            robot, limits.margins, position + (0.5 * step) * velocity, halfway, found.pose
-        )
+        middle = position + (0.5 * step) * velocity
+        found = setup.ahead(setup.robot, setup.margins, middle, halfway, found.pose)
         if found.fault != FOUND:
             return True
-        damping = damping_of(limits, halfway)
+        damping = damping_of(safety, halfway)
         M = found.model.M + np.diag((0.5 * step) * damping)
         lost = multiply(found.model.Q, halfway) + damping * velocity
         position = position + step * halfway
         velocity = velocity - step * solve(M, lost)
         momentum = multiply(found.model.M, velocity)
-        if not way_to_rest(limits, momentum) > SHORT:
+        if not way_to_rest(safety, momentum) > SHORT:
             return False
     return True

@@ -1,9 +1,15 @@
-"""Faults: the reasons why the controller replaces its law with the safe action."""
+"""Faults: the reasons why the controller replaces its law with the safe action.
+
+A fault is its number and text here, a limit in SafetyParameters and in config/defaults.yaml if it
+has one, a kernel in checks.py, and a call of it in the cycle.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Annotated, Literal, NamedTuple
 
+from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import FOUND, Fault, Robot
 
 NONE = FOUND  # 1 to 9 are the faults of the robot, e.g. a singularity
@@ -69,6 +75,50 @@ FAULTS = {
 }
 
 NUMBERS = {fault.key: number for number, fault in FAULTS.items()}
+
+
+class SafetyParameters(NamedTuple):
+    """Limits of the controller, and what replaces its law after a fault."""
+
+    action: Annotated[
+        Literal['zero', 'damp', 'hold'],
+        Field('', 'after a fault: no torque, damping, or spring and damping'),
+    ]
+    damping: Annotated[PerJoint, Field('N m s/rad', 'damping of damp and hold', 0.0)]
+    stiffness: Annotated[PerJoint, Field('N m/rad', 'spring of hold', 0.0)]
+    torque_limit: Annotated[PerJoint, Field('N m', 'largest torque per joint', 0.0)]
+    torque_rate: Annotated[
+        PerJoint, Field('N m/s', 'fastest change of the torque per joint', 1e-3)
+    ]
+    ramp_rate: Annotated[
+        PerJoint, Field('N m/s', 'how fast the torque before a take-over is faded out', 1e-3)
+    ]
+    speed_limit: Annotated[PerJoint, Field('rad/s', 'joint speed that is a fault', 0.0)]
+    state_timeout: Annotated[
+        float, Field('s', 'time without joint states that is a fault (wall time)', 1e-3)
+    ]
+    reference_timeout: Annotated[
+        float, Field('s', 'age of the reference at a state that is a fault', 1e-3)
+    ]
+    state_age: Annotated[
+        float, Field('s', 'age from which on a state is not answered (wall time)', 1e-3)
+    ]
+    gap: Annotated[
+        float, Field('s', 'time between two states after which the law begins anew', 1e-3)
+    ]
+    effort_tolerance: Annotated[
+        PerJoint,
+        Field('N m', 'efforts so far from all late commands do not obey; 0: not looked at', 0.0),
+    ]
+    effort_timeout: Annotated[float, Field('s', 'time without obedience that is a fault', 1e-3)]
+    residual_limit: Annotated[
+        PerJoint,
+        Field('N m', 'torque beside friction that resists the motors; 0: not looked at', 0.0),
+    ]
+    rate_tolerance: Annotated[
+        float,
+        Field('rad', 'by which ways may differ from integrals of rates; 0: not looked at', 0.0),
+    ]
 
 
 MOST = 0.5  # of a run; one that is in a fault for longer has no figures

@@ -11,9 +11,9 @@ Loops
     its address, a ``Space``; ``send``, ``poll``, ``recv`` and ``shutdown`` are those of libc.
     ``FirstClass`` makes a kernel a value that other kernels take,
     ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
-    its address, of type ``ANY`` where only that is needed; ``entry_point`` a kernel one that is
-    called from Python without a look at its types. A ``Struct`` is memory whose fields kernels and
-    Python read and write by their names.
+    its address, of type ``ANY`` where only that is needed; ``as_constants`` is how they read
+    parameters; ``entry_point`` makes a kernel one that is called from Python without a look at its
+    types. A ``Struct`` is memory whose fields kernels and Python read and write by their names.
     ``arrays_of`` and ``vectors_of`` turn vectors to arrays and back.
 Out of Python
     ``native_object`` makes an object file of kernels and of the boxed tuple that they take, with
@@ -23,7 +23,14 @@ Python
     reach a bag: numpy and scipy choose their code by the processor.
 """
 
-from parallel_robot_model.compiler.boxed import ANY, Boxed, FirstClass, Struct, plain_type
+from parallel_robot_model.compiler.boxed import (
+    ANY,
+    Boxed,
+    FirstClass,
+    Struct,
+    as_constants,
+    plain_type,
+)
 from parallel_robot_model.compiler.elementary.names import arctangent, cosine, sine
 from parallel_robot_model.compiler.kernels import (
     composed,
@@ -82,10 +89,10 @@ from parallel_robot_model.compiler.vectors import (
 
 __all__ = [
     'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'Leaf', 'NativeObject', 'Space',
-    'Struct', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_vectors',
-    'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every', 'inlined', 'inner',
-    'is_finite', 'kernel', 'largest', 'leaves', 'multiply', 'native_object', 'need_compiler',
-    'plain_type', 'poll', 'read_at', 'read_row', 'reason', 'recv', 'select', 'send',
-    'shape_of', 'shutdown', 'sine', 'solve', 'solve_full', 'solve_sparse', 'some', 'vector',
-    'vectors_of', 'write_at', 'write_row',
+    'Struct', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_constants',
+    'as_vectors', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every',
+    'inlined', 'inner', 'is_finite', 'kernel', 'largest', 'leaves', 'multiply',
+    'native_object', 'need_compiler', 'plain_type', 'poll', 'read_at', 'read_row', 'reason',
+    'recv', 'select', 'send', 'shape_of', 'shutdown', 'sine', 'solve', 'solve_full',
+    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
 ]  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin
 
 import numba
 import numpy as np
@@ -28,7 +28,28 @@ from parallel_robot_model.compiler.numba_parts import (
     lower_getattr_generic,
     lower_setattr_generic,
 )
-from parallel_robot_model.compiler.vectors import INTERPRETED, Vector, divisible
+from parallel_robot_model.compiler.vectors import INTERPRETED, Vector, divisible, vector
+from parallel_robot_model.configuration.fields import PerJoint, parameters
+
+Group = TypeVar('Group', bound=NamedTuple)
+
+# Parameters as kernels read them.
+
+
+def as_constants(group: Group) -> Group:
+    """Parameters as kernels read them: numbers of the joints are vectors, words are numbers.
+
+    A word is the number of its place among those that its parameter may be.
+    """
+    kinds = (parameter.type for parameter in parameters(type(group)))
+    return type(group)(*map(_constant, kinds, group))
+
+
+def _constant(kind: Any, value: Any) -> Any:
+    if get_origin(kind) is Literal and isinstance(value, str):
+        return get_args(kind).index(value)
+    return vector(value) if kind is PerJoint or get_origin(kind) is tuple else value
+
 
 # Values made of numbers, vectors and None: how they lie in memory, as kernels have them there.
 

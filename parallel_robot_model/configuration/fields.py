@@ -15,6 +15,7 @@ from typing import (
     NewType,
     TypeVar,
     Union,
+    cast,
     get_args,
     get_origin,
     get_type_hints,
@@ -44,6 +45,8 @@ class Field(NamedTuple):
     description: str  # meaning in a few words
     low: float = -math.inf  # smallest value
     high: float = math.inf  # largest value
+    neutral: float = math.nan  # value at which it changes nothing of an ideal plant, if it can
+    untrue: bool = False  # whether any other makes the joints that are told not the true ones
 
 
 class Parameter(NamedTuple):
@@ -68,6 +71,39 @@ def _parameters(group: Any) -> tuple[Parameter, ...]:
         kind, field = get_args(hint)
         described.append(Parameter(name.rstrip('_'), kind, field))
     return tuple(described)
+
+
+def untrue_keys(declared: Declared) -> list[str]:
+    """Keys of the parameters by which the joints that are told are not the true ones."""
+    return [
+        f'{prefix}.{parameter.key}'
+        for prefix, group in declared
+        for parameter in parameters(group)
+        if parameter.field.untrue
+    ]
+
+
+def acts(group: Any) -> bool:
+    """Whether any of the parameters that have a neutral value has another one."""
+    return any(
+        np.any(np.not_equal(value, parameter.field.neutral))
+        for parameter, value in zip(parameters(type(group)), cast(Any, group), strict=True)
+        if not math.isnan(parameter.field.neutral)
+    )
+
+
+def neutral(group: Group) -> Group:
+    """A group whose parameters change nothing, where they have a value at which they do not."""
+    return type(group)(
+        *(
+            value
+            if math.isnan(parameter.field.neutral)
+            else PerJoint((parameter.field.neutral,) * len(value))
+            if parameter.type is PerJoint
+            else parameter.field.neutral
+            for parameter, value in zip(parameters(type(group)), cast(Any, group), strict=True)
+        )
+    )
 
 
 def defaults(group: type, prefix: str) -> dict[str, Any]:
@@ -299,7 +335,11 @@ def joint_field(
 ESTIMATOR = 'estimator'  # prefix of their group
 ZeroAngle = Annotated[
     PerJoint,
-    Field('rad', 'zero angle that is taken off the measured positions, as `calibrate` finds it'),
+    Field(
+        'rad',
+        'zero angle that is taken off the measured positions, as `calibrate` finds it',
+        untrue=True,
+    ),
 ]
 
 

@@ -16,7 +16,7 @@ from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.estimation.estimator import delay_text
+from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.messages import (
     Status,
     Telemetry,
@@ -194,7 +194,7 @@ class _Streams:
         chosen, messages = [], []
         refused = {k: part.refusal(number) for k, number in part.refused}
         for k in sorted({*rows[changes].tolist(), *refused}):
-            delay = delay_text(experiment.control.setup.estimator, int(phases[k]), units)
+            delay = delay_text(experiment.control.setup, int(phases[k]), units)
             fault, law = known.get(int(part.run.fault[k])), experiment.control.law.name
             now = Status(law, fault, int(acted[k]), delay, refused=refused.get(k, ''))
             if now != self._status:

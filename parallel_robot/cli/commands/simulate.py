@@ -20,7 +20,7 @@ from parallel_robot.cli import command_line
 from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell, warn
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.estimation.estimator import delay_text
+from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
@@ -298,7 +298,7 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     warn((*plant_doubts(configuration), *remarks(part, summary)))
     rate = summary.duration / summary.loop_time
     units = configuration.trajectory.robot.joint_units
-    delay = delay_text(part.experiment.control.setup.estimator, summary.phase, units)
+    delay = delay_text(part.experiment.control.setup, summary.phase, units)
     if delay:
         tell(form, f'delay of the states: {delay}')
     tell(

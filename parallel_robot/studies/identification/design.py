@@ -23,7 +23,7 @@ from parallel_robot.studies.estimation.result_files import WrittenResult
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.safety.limiting import SafetyParameters
+from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
