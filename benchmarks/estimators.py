@@ -67,8 +67,9 @@ def cost(made: Simulation) -> float:
     )
     motion = JointReference(reference.position, reference.velocity, reference.acceleration)
     control.law.reset_memory()
+    control.setup.memory.state.value = control.state
     begun = time.process_time()
-    done = answer(control.setup, motion, states, run.command, control.state)
+    done = answer(control.setup, motion, states, run.command)
     used = time.process_time() - begun
     assert done.answered == count
     return 1e6 * used / count

@@ -24,11 +24,11 @@ from reliability import page
 from parallel_robot.studies.sweep import study
 from parallel_robot_control import assembly as control
 from parallel_robot_control.configuration import resolve
-from parallel_robot_control.controller_state import joining
+from parallel_robot_control.controller_state import join
 from parallel_robot_control.messages import limit_codes
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
-from parallel_robot_model.compiler import vector
+from parallel_robot_model.compiler import Struct, vector
 from parallel_robot_model.configuration.hazards import KINDS, UNTOLD, Hazard, parse
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration, assemble_plant, configure
@@ -195,8 +195,9 @@ def _approach(configuration: Configuration, made: ClosedLoopRun, begin: int) -> 
         begin * loop.period,
     )
     controller = control.assemble(configuration.control)
-    guess = controller.state._replace(pose=vector(made.pose[begin]))
-    controller = controller._replace(state=joining(guess, torque))
+    joined = Struct(controller.state._replace(pose=vector(made.pose[begin])))
+    join(joined, torque)
+    controller = controller._replace(state=joined.value)
     samples = begin + np.arange(round(WATCHED / loop.period) + 1)
     reference = configuration.trajectory.sample(samples * loop.period)
     found = run(controller, plant._replace(state=state), reference, loop.period)

@@ -42,7 +42,6 @@ def repeat(
     reference: JointReference,
     position: Any,
     velocity: Any,
-    state: Any,
     dt: float,
 ) -> float:
     """Run a cycle `count` times, while the joints go to and fro and the motors obey."""
@@ -50,8 +49,8 @@ def repeat(
     for k in range(count):
         when, there = When(k, 0.0, dt), k % 2 == 1
         at, rate = select(there, ahead, position), select(there, velocity, -velocity)
-        cycle = run_cycle(setup, reference, at, rate, effort, state, when)
-        state, effort = cycle.state, cycle.torque
+        cycle = run_cycle(setup, reference, at, rate, effort, when)
+        effort = cycle.torque
         total += cycle.torque[0]
     return total
 
@@ -74,7 +73,7 @@ def kernel_cost(law: str, count: int) -> list[float]:
     theta, still = vector(motion.position[0]), vector(np.zeros(3))
     arguments = (
         parts.control.setup, JointReference(theta, still, still), theta + 1e-4, still + 1e-4,
-        parts.control.state, 1e-3,
+        1e-3,
     )  # fmt: skip
     repeat(1, *arguments)
     figures = []

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, before_cycle
+from parallel_robot_control.cycle import before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
 from parallel_robot_control.joint_states import HeldCommands, StateRhythm
@@ -70,7 +70,6 @@ class Common(NamedTuple):
 
     references: Boxed  # see reference_buffer.Buffer
     timing: Timing
-    state: Struct  # CycleState
     measured: Array  # position, velocity and effort of the last state, shape (3, n)
     telemetry: Array  # of the last answer, one row a vector, shape (4, n)
     command: NDArray[np.uint8]  # the command message of the last answer, serialised
@@ -98,15 +97,13 @@ class Common(NamedTuple):
     youngest: int = FOREVER // 2  # about the least age that states have when they are answered
 
 
-def common_of(references: Boxed, timing: Timing, state: CycleState) -> Struct:
-    """What is shared before the first state."""
-    joints = len(state.held)
+def common_of(references: Boxed, timing: Timing, joints: int) -> Struct:
+    """What is shared before the first state; `joints`: number of the actuated joints, n."""
     command = layouts.float64_multi_array(joints).draft()
     return Struct(
         Common(
             references,
             timing,
-            Struct(state),
             np.zeros((3, joints)),
             np.zeros((4, joints)),
             command.bytes,
@@ -153,7 +150,8 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         ANSWERED and further bits, or the reason why there is no answer.
     """
     common = core.common
-    acted, before = common.acted, common.state.value
+    state = core.setup.memory.state
+    acted, fault, lost = common.acted, state.fault, state.lost
     question = _open(core.setup, common, wire, data, now, monotonic)
     if question.code != ANSWERED:
         return question.code
@@ -164,10 +162,8 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.position,
         question.velocity,
         question.effort,
-        common.state.value,
         When(sample, (question.acts - question.stamp) / NANOSECONDS, question.dt),
     )
-    common.state.value = done.state
     write_row(common.telemetry, COUPLED, done.coupled_error)
     write_row(common.telemetry, SLIDING, done.sliding_variable)
     write_row(common.torques, 0, done.torque)
@@ -175,8 +171,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.efforts, common.logged % AGES, question.effort)
     phase = lock_in.phase(core.setup, sample)
     code = _close(common, question, done.acted, done.cause, phase, now, monotonic)
-    after = done.state
-    if common.acted != acted or after.fault != before.fault or after.lost != before.lost:
+    if common.acted != acted or state.fault != fault or state.lost != lost:
         code |= STATUS
     return code
 
@@ -208,15 +203,15 @@ def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: 
     time a torque acts at the end of the period in which it is asked for; this counts only with an
     estimator that predicts.
     """
-    timing, state = common.timing, common.state.value
+    timing, state = common.timing, setup.memory.state
     row, tracks = setup.safety.torque_limit, setup.estimator.kind == KALMAN
-    delay = lock_in.delay_at(setup, state.last.known)
+    delay = lock_in.delay_at(setup, state.known)
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
     applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
-    before, last = common.last, state.last
+    before = common.last
     code, lookup, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
     reference = JointReference(position, velocity, velocity)
     acting = stamp  # when its torque acts
@@ -257,7 +252,7 @@ def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: 
         if lookup == MISSING:
             code = NO_REFERENCE
     if code == ANSWERED:
-        torque, cause = last.torque, faults.NONE
+        torque, cause = state.torque, faults.NONE
         gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
         if gap:
             torque, cause = np.zeros_like(row), faults.STATES_STALE
@@ -277,7 +272,7 @@ def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: 
             torque, joins = applied, True
         common.waits = overdue
         common.last = stamp
-        common.state.value = before_cycle(state, torque, cause, joins)
+        before_cycle(state, torque, cause, joins)
     common.came = now
     stale = lookup == TOO_OLD
     return Question(

@@ -61,7 +61,6 @@ def assemble(
         lock_in.check(identification, period)
         inertia = inertia_of(configuration)
         limiting.check_lock_in(identification, safety, inertia, robot.joint_units)
-    fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
     setup = ControlSetup(
         prepared.step,
         robot.kernel('estimate', *state),
@@ -83,15 +82,22 @@ def assemble(
         Boxed(as_constants(configuration.repetition._replace(period=0.0))),
         memory or memory_of(configuration),
     )
-    first = initial_state(guess, configuration.joints)
-    return Control(prepared, Boxed(setup), first._replace(fault=fault))
+    return Control(prepared, Boxed(setup), first_state(configuration))
+
+
+def first_state(configuration: ControlConfiguration) -> CycleState:
+    """State of a controller before its first cycle."""
+    fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
+    state = initial_state(np.array(configuration.guess), configuration.joints)
+    return state._replace(fault=fault)
 
 
 def memory_of(configuration: ControlConfiguration) -> Struct:
     """Memory of the cycle of a controller, before its first state."""
     joints, turn = configuration.joints, configuration.turn
     period, parameters = configuration.loop.period, configuration.repetition
-    return cycle_memory(joints, repetition_memory(parameters, joints, turn, period))
+    of_turns = repetition_memory(parameters, joints, turn, period)
+    return cycle_memory(first_state(configuration), of_turns)
 
 
 def inertia_of(configuration: ControlConfiguration) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, cycle_of
+from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
@@ -35,7 +35,6 @@ class Batch(NamedTuple):
 
     torque: Array  # commanded torque [N m], shape (answered, n)
     answered: int  # number of states answered before the first unexpected torque
-    state: CycleState  # state of the controller after the last of them
 
 
 def answer(
@@ -43,7 +42,6 @@ def answer(
     references: JointReference,
     states: States,
     expected: Array,
-    state: CycleState,
 ) -> Batch:
     """Answer states until a torque is not the expected one; that state, too, is remembered.
 
@@ -52,10 +50,8 @@ def answer(
         references: Desired joint motion when the torques act, each shape (N, n).
         states: See States.
         expected: Expected torques [N m], shape (N, n); NaN where any torque is accepted.
-        state: State of the controller before the first state.
     """
-    cycle = cycle_of(control, state)
-    result: Batch = answers(cycle, control, references, states, expected, state)
+    result: Batch = answers(cycle_of(control), control, references, states, expected)
     return result
 
 
@@ -66,11 +62,10 @@ def answers(
     references: JointReference,
     states: States,
     expected: Array,
-    state: CycleState,
 ) -> Batch:
     """The answers of :func:`answer`, with the cycle as FirstClass."""
     count = len(states.dt)
-    torque, row = np.empty((count, expected.shape[1])), state.held
+    torque, row = np.empty((count, expected.shape[1])), control.memory.state.held
     for k in range(count):
         reference = JointReference(
             read_row(references.position, k, row),
@@ -80,10 +75,9 @@ def answers(
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
         when = When(states.sample[k], states.age[k], states.dt[k])
         effort = read_row(states.effort, k, row)
-        cycle = run_cycle(control, reference, position, velocity, effort, state, when)
+        cycle = run_cycle(control, reference, position, velocity, effort, when)
         write_row(torque, k, cycle.torque)
         for i in range(expected.shape[1]):
             if torque[k, i] != expected[k, i] and not np.isnan(expected[k, i]):
-                return Batch(torque[:k].copy(), k, state)
-        state = cycle.state
-    return Batch(torque, count, state)
+                return Batch(torque[:k].copy(), k)
+    return Batch(torque, count)

@@ -27,8 +27,7 @@ from parallel_robot_control.answer_kernel import (
 from parallel_robot_control.assembly_mode import AssemblyModes
 from parallel_robot_control.configuration import ControlConfiguration, checked, preset_of
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_state import placed, tripped, without_torque
-from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.law_core import STATE_FIELDS, LawCore, LawCores
 from parallel_robot_control.messages import LOST, Status, Telemetry, wire_of
@@ -82,7 +81,6 @@ class Controller:
         self._state_timeout = round(safety.state_timeout * NANOSECONDS)
         self._heard = b''  # the last state
         self._references = ReferenceBuffer(loop.joints)
-        state = initial_state(np.array(configuration.guess), len(loop.joints))
         self._common: Any = common_of(
             self._references.compiled,
             Timing(
@@ -92,7 +90,7 @@ class Controller:
                 round(safety.state_age * NANOSECONDS),
                 loop.lockstep,
             ),
-            state,
+            len(joints),
         )
         self._lost = False  # whether the joint states went stale and none has come since
         self._fault_seen = faults.NONE  # the last fault counted
@@ -124,6 +122,7 @@ class Controller:
         self.code = 0  # what :func:`answer_kernel.answer` returned for the last state
         self._cores = LawCores(configuration, self._common, self._own)
         self._core = self._cores.make(configuration)
+        self._state = self._cores.memory.state  # CycleState, which its functions change
         if loop.start_stamp == WAIT:
             self._common.first = FOREVER
         elif loop.start_stamp > 0:
@@ -154,7 +153,7 @@ class Controller:
         """What the controller is doing."""
         delay = delay_text(self._core.setup, self._common.phase, self._units)
         fault = self._faults.get(self.fault)
-        pose = LOST if self._common.state.lost else self._told
+        pose = LOST if self._state.lost else self._told
         return Status(self.law.name, fault, self._common.acted, delay, pose)
 
     def explained(self, fault: Fault) -> Fault:
@@ -172,13 +171,13 @@ class Controller:
     @property
     def fault(self) -> int:
         """NONE or the number of the present fault, see faults.py."""
-        fault: int = self._common.state.fault
+        fault: int = self._state.fault
         return fault
 
     @property
     def state(self) -> CycleState:
         """State of the controller after the last cycle."""
-        state: CycleState = self._common.state.value
+        state: CycleState = self._state.value
         return state
 
     @property
@@ -212,7 +211,7 @@ class Controller:
     def trip(self, fault: int) -> None:
         """Enter a fault: the safe action begins with the next state."""
         if self.fault == faults.NONE:
-            self._store(tripped(self.state, fault))
+            controller_state.trip(self._state, fault)
             self._count_fault()
             self._changed = True
 
@@ -239,7 +238,7 @@ class Controller:
 
     def place(self, pose: Array) -> None:
         """Know the pose again, shape (m,): the estimate follows it from there."""
-        self._store(placed(self.state, pose))
+        controller_state.place(self._state, pose)
         self._offered, self._told = None, ', '.join(map(repr, pose.tolist()))
         self._changed = True
 
@@ -249,7 +248,7 @@ class Controller:
         Returns:
             The reason why not; empty if the pose is known now.
         """
-        if not self._common.state.lost:
+        if not self._state.lost:
             return 'the pose is known'
         if self._offered is None:
             return 'no pose was named; ~/clear_fault names those that fit the joint angles'
@@ -265,7 +264,7 @@ class Controller:
         key, near = 'controller.guess', np.array(checked(guess, self.configuration.robot))
         if self.fault == faults.NONE:
             raise InputError(f'{key} can be set in a fault alone', key)
-        poses = self._modes.all(np.array(self.state.last.position), near)
+        poses = self._modes.all(np.array(self._state.position), near)
         if not poses:
             raise InputError(f'{key}: no pose there fits the joint angles', key)
         return poses[0]
@@ -276,10 +275,10 @@ class Controller:
         Returns:
             What the user has to do if they do not tell it; empty if the pose is known.
         """
-        state = self.state
+        state = self._state
         if not state.lost:
             return ''
-        position, pose = np.array(state.last.position), self._modes.by_passive_joints(self._heard)
+        position, pose = np.array(state.position), self._modes.by_passive_joints(self._heard)
         if pose is not None and self._modes.is_as(self.configuration.guess, position, pose):
             self.place(pose)
             return ''
@@ -323,11 +322,8 @@ class Controller:
             return False
         self._lost = True
         self.trip(fault)
-        self._store(without_torque(self.state))
+        controller_state.drop_torque(self._state)
         return True
-
-    def _store(self, state: CycleState) -> None:
-        self._common.state.value = state
 
     def waits(self) -> str:
         """Which reference is missing for long (lockstep); empty for none."""
@@ -361,15 +357,14 @@ class Controller:
     def apply(self, change: LawCore) -> None:
         """Make a change at the next state: the torque ramps from the last one to the new law's.
 
-        See :func:`controller_state.switched`.
+        See :func:`controller_state.switch`.
         """
         self.configuration, before = change.configuration, self._core
         if controller_state.same(before.law, change.law):
             return
-        state = controller_state.switched(self.state, before.law, change.law)
+        controller_state.switch(self._state, before.law, change.law)
         self._core = change
         self._changed = True
-        self._store(state)
 
     def clear_fault(self) -> str:
         """Leave the fault if its cause is gone: empty memory, ramped torque, an approach.
@@ -384,7 +379,7 @@ class Controller:
         if unknown:
             return unknown
         if self.fault != faults.NONE:
-            self._store(controller_state.cleared(self.state))
+            controller_state.clear(self._state)
             self._fault_seen = faults.NONE
             self.law.reset_memory()
         return ''
@@ -513,11 +508,11 @@ class Controller:
         if reason != faults.NONE and self._loop.lockstep:
             self._refused = reason, common.answers, 0
         if any(before < renewal <= sample for renewal in times.renewals):
-            self._store(self.state._replace(fault=faults.NONE))
+            self._state.fault = faults.NONE
             self._reset()
             self._fault_seen, self._changed = faults.NONE, True
         if any(before < clear <= sample for clear in times.clears):
-            known = self.fault != faults.NONE and not self.state.lost
+            known = self.fault != faults.NONE and not self._state.lost
             self._changed |= known and not self.clear_fault()
         common.until = start + times.newest_reference(index) * self._loop.period_ns
         if reason == faults.NONE or not self._loop.lockstep:
@@ -535,7 +530,7 @@ class Controller:
         self.counts[self._faults[fault].text] += 1
 
     def _reset(self) -> None:
-        self._store(controller_state.restarted(self.state, np.array(self.configuration.guess)))
+        controller_state.restart(self._state, np.array(self.configuration.guess))
         self.law.reset_memory()
         self._common.acted, self._common.cause = 0, faults.NONE
         self._common.last = NEVER

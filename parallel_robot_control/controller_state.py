@@ -1,61 +1,60 @@
-"""State of a controller between two cycles: when the motion starts, faults, lost joint states."""
+"""What happens to a controller between two cycles: faults, clearing, switching, a new run.
+
+The live controller, the simulation and the replay of a bag all use these, so they cannot disagree.
+Each changes a CycleState, a Struct.
+"""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 
 from parallel_robot_control.approach import BACK
-from parallel_robot_control.cycle import CycleState, initial_state
+from parallel_robot_control.cycle import initial_state
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import vector
-
-# What happens to a controller between two cycles: faults, clearing, switching, a new run.
-#
-# The live controller and the replay of a bag both use these, so they cannot disagree.
 
 
-def joining(state: CycleState, torque: Array) -> CycleState:
-    """Let the law begin anew: torque as of :func:`taking_over`, an approach from where it is."""
-    return taking_over(state, torque)._replace(begins=BACK)
+def join(state: Any, torque: Array) -> None:
+    """Let the law begin anew: torque as of :func:`take_over`, an approach from where it is."""
+    take_over(state, torque)
+    state.begins = BACK
 
 
-def taking_over(state: CycleState, torque: Array) -> CycleState:
+def take_over(state: Any, torque: Array) -> None:
     """Let the next torque continue from `torque` [N m], shape (n,); from 0 if not finite."""
-    known = vector(np.where(np.isfinite(torque), torque, 0.0))
-    return state._replace(
-        last=state.last._replace(torque=known, takes_over=True), excess=vector(0.0 * known)
-    )
+    state.torque = np.where(np.isfinite(torque), torque, 0.0)
+    state.excess, state.takes_over = 0.0 * np.asarray(state.torque), True
 
 
-def rejoined(state: CycleState) -> CycleState:
+def rejoin(state: Any) -> None:
     """References are there again: an approach to them, torque from the last one."""
-    return joining(state, state.last.torque)
+    join(state, state.torque)
 
 
-def tripped(state: CycleState, fault: int) -> CycleState:
+def trip(state: Any, fault: int) -> None:
     """Enter a fault, unless the controller already is in one."""
-    if state.fault != faults.NONE:
-        return state
-    return state._replace(fault=fault, held=state.last.position)
-
-
-def without_torque(state: CycleState) -> CycleState:
-    """The state after zero torque was sent because no joint states can be trusted."""
-    return state._replace(last=state.last._replace(torque=vector(np.zeros(len(state.held)))))
-
-
-def cleared(state: CycleState) -> CycleState:
-    """Leave a fault: an empty memory of the law, torque from the last one, a new approach."""
     if state.fault == faults.NONE:
-        return state
-    return joining(state, state.last.torque)._replace(fault=faults.NONE)
+        state.fault, state.held = fault, state.position
 
 
-def placed(state: CycleState, pose: Array) -> CycleState:
+def drop_torque(state: Any) -> None:
+    """Zero torque was sent because no joint states can be trusted."""
+    state.torque = np.zeros(len(state.held))
+
+
+def clear(state: Any) -> None:
+    """Leave a fault: an empty memory of the law, torque from the last one, a new approach."""
+    if state.fault != faults.NONE:
+        join(state, state.torque)
+        state.fault = faults.NONE
+
+
+def place(state: Any, pose: Array) -> None:
     """Know the pose, shape (m,), or one near it on the same assembly mode."""
-    return state._replace(pose=vector(pose), lost=False)
+    state.pose, state.lost = pose, False
 
 
 def same(before: PreparedLaw, after: PreparedLaw) -> bool:
@@ -63,7 +62,7 @@ def same(before: PreparedLaw, after: PreparedLaw) -> bool:
     return bool((after.name, after.gains) == (before.name, before.gains))
 
 
-def switched(state: CycleState, before: PreparedLaw, after: PreparedLaw) -> CycleState:
+def switch(state: Any, before: PreparedLaw, after: PreparedLaw) -> None:
     """Change law or gains; the torque continues from the last one, if there is one.
 
     A law that becomes active starts with an empty memory; new gains of the active law keep its
@@ -78,15 +77,14 @@ def switched(state: CycleState, before: PreparedLaw, after: PreparedLaw) -> Cycl
         after.reset_memory()
     elif after.memory is not before.memory:
         after.memory.current = before.memory.current
-    if state.last.known and not same(before, after):
-        state = taking_over(state, state.last.torque)
-    return state
+    if state.known and not same(before, after):
+        take_over(state, state.torque)
 
 
-def restarted(state: CycleState, guess: Array) -> CycleState:
-    """The state before a new run of the plant; a fault, and a pose that is lost, stay so.
+def restart(state: Any, guess: Array) -> None:
+    """Before a new run of the plant; a fault, and a pose that is lost, stay so.
 
     `guess`: its pose, shape (m,).
     """
     begun = initial_state(guess, len(state.held))
-    return begun._replace(fault=state.fault, lost=state.lost)
+    state.value = begun._replace(fault=state.fault, lost=state.lost)

@@ -36,7 +36,7 @@ from parallel_robot_control.safety.checks import (
     momentum_memory,
     ways_memory,
 )
-from parallel_robot_control.safety.limiting import EFFORT, Last, When
+from parallel_robot_control.safety.limiting import EFFORT, When
 from parallel_robot_control.sense_and_act import act, sense
 from parallel_robot_control.terms import NO_PLACE, place_gradient
 from parallel_robot_model.common.units import Array
@@ -53,12 +53,17 @@ from parallel_robot_model.compiler import (
 
 
 class CycleState(NamedTuple):
-    """What one cycle hands to the next."""
+    """What one cycle hands to the next, as a Struct; vectors have shape (n,) but for the pose."""
 
     pose: Array  # pose by forward kinematics, shape (m,); the guess for the next one
-    last: Last  # what the cycle saw and did
-    excess: Array  # torque of the law that the limits cut off [N m], shape (n,)
-    held: Array  # joint angles at the moment of the fault [rad], shape (n,)
+    position: Array  # measured angles [rad]
+    reference: Array  # desired angles [rad]
+    torque: Array  # torque applied [N m]
+    offset: Array  # subtracted from the demanded torque; fades to zero after a take-over [N m]
+    takes_over: bool  # whether the next torque must continue from `torque`
+    known: bool  # whether `position` and `reference` were measured
+    excess: Array  # torque of the law that the limits cut off [N m]
+    held: Array  # joint angles at the moment of the fault [rad]
     fault: int  # NONE or the number of the fault, see faults.py; it is latched
     estimated: Estimated  # estimates of filter and differentiator; not used without one
     begins: int  # what the next cycle begins: GOES_ON, START or BACK
@@ -67,9 +72,10 @@ class CycleState(NamedTuple):
 
 
 class CycleMemory(NamedTuple):
-    """What the cycle remembers besides its state; laws that follow each other share it."""
+    """What the cycle remembers; laws that follow each other share it."""
 
-    torques: Any  # RecentTorques; it and all that follows as a Struct
+    state: Any  # CycleState; it and all that follows as a Struct
+    torques: Any  # RecentTorques
     kalman: Any  # KalmanMemory
     lock_in: Any  # LockInMemory
     approach: Any  # ApproachMemory
@@ -79,11 +85,12 @@ class CycleMemory(NamedTuple):
     repetition: Any  # RepetitionMemory
 
 
-def cycle_memory(joints: int, repetition_memory: Struct) -> Struct:
+def cycle_memory(state: CycleState, repetition_memory: Struct) -> Struct:
     """Memory before the first state; `repetition_memory`: what is remembered of turns."""
-    zero = vector(np.zeros(joints))
+    zero = vector(np.zeros(len(state.held)))
     return Struct(
         CycleMemory(
+            Struct(state),
             recent_torques.recent_torques(zero),
             kalman.kalman_memory(zero),
             lock_in.lock_in_memory(zero),
@@ -127,8 +134,7 @@ class Cycle(NamedTuple):
     sliding_variable: Array  # sliding variable in the law's unit, shape (n,); zero in a fault
     coupled_error: Array  # e_c [rad], shape (n,); e in a fault
     acted: int  # bits of the limits that acted
-    cause: int  # fault whose cause is there now, else NONE; `state` has the one that is latched
-    state: CycleState  # state of the controller for the next cycle
+    cause: int  # fault whose cause is there now, else NONE; the latched one is in the state
 
 
 def initial_state(pose: Array, joints: int) -> CycleState:
@@ -138,54 +144,35 @@ def initial_state(pose: Array, joints: int) -> CycleState:
         pose: Pose from which the forward kinematics starts, shape (m,).
         joints: Number of the actuated joints, n.
     """
-    zero = vector(np.zeros(joints))
-    last = Last(zero, zero, zero, zero, False, False)
+    zero, pose = vector(np.zeros(joints)), vector(pose)
+    estimated, none = Estimated(zero, zero), faults.NONE
     return CycleState(
-        vector(pose),
-        last,
-        zero,
-        zero,
-        faults.NONE,
-        Estimated(zero, zero),
-        START,
-        False,
+        pose, zero, zero, zero, zero, False, False, zero, zero, none, estimated, START, False
     )
 
 
 @inner
-def taking_over(last: Last, effort: Array) -> Last:
-    """The cycle before, for a law that begins anew: its torque goes on from what acts [N m]."""
-    torque = select(effort - effort == 0.0, effort, last.torque)
-    zero = np.zeros_like(torque)
-    return Last(last.position, last.reference, torque, zero, True, last.known)
+def take_over(state: Any, effort: Array) -> None:
+    """Let the next torque go on from what acts [N m], shape (n,)."""
+    state.torque = select(effort - effort == 0.0, effort, state.torque)
+    state.offset, state.takes_over = np.zeros_like(effort), True
 
 
 @inner
-def before_cycle(state: CycleState, torque: Array, cause: int, joins: bool) -> CycleState:
-    """The state with which a cycle begins.
+def before_cycle(state: Any, torque: Array, cause: int, joins: bool) -> None:
+    """Make the state what a cycle begins with.
 
     Args:
-        state: State after the cycle before.
+        state: The CycleState.
         torque: Torque that acts [N m], shape (n,).
         cause: STATES_STALE or REFERENCE_STALE if one of them stayed away for too long, else NONE.
-        joins: Whether the law begins anew, see controller_state.joining.
+        joins: Whether the law begins anew, see controller_state.join.
     """
-    last, fault, held = state.last, state.fault, state.held
-    excess, takes_over, begins = state.excess, last.takes_over, state.begins
-    if fault == faults.NONE and cause != faults.NONE:
-        fault, held = cause, last.position
+    if state.fault == faults.NONE and cause != faults.NONE:
+        state.fault, state.held = cause, state.position
     if joins:
-        excess, takes_over, begins = np.zeros_like(excess), True, BACK
-    return CycleState(
-        state.pose,
-        Last(last.position, last.reference, torque, last.offset, takes_over, last.known),
-        excess,
-        held,
-        fault,
-        state.estimated,
-        begins,
-        state.lost,
-    )
+        state.excess, state.takes_over, state.begins = np.zeros_like(torque), True, BACK
+    state.torque = torque
 
 
 @kernel
@@ -195,7 +182,6 @@ def run_cycle(
     position: Array,
     velocity: Array,
     effort: Array,
-    state: CycleState,
     when: When,
 ) -> Cycle:
     """Compute the torque for one joint state.
@@ -204,7 +190,8 @@ def run_cycle(
     measured, or knows its age; or with a Kalman filter the motion predicted for the moment at
     which the torque acts with the reference of that moment.
 
-    The memories of the law, which is not called in a fault, and of the cycle are written in place.
+    The memories of the law, which is not called in a fault, and of the cycle, which has the state
+    of the controller, are written in place.
 
     Args:
         setup: The ControlSetup, boxed.
@@ -213,21 +200,22 @@ def run_cycle(
         velocity: Measured rates [rad/s], shape (n,).
         effort: Torque applied during the step that ended at the measurement [N m], shape (n,); NaN
             where it is not known.
-        state: State of the controller after the cycle before.
         when: Age of the state, time since the one before.
     """
     safety, estimator, memory, dt = setup.safety, setup.estimator, setup.memory, when.dt
     position = position - estimator.zero_angle
-    known, identifies = state.last.known, setup.identifies
+    state, identifies = memory.state, setup.identifies
+    known = state.known
     if identifies:
         lock_in.begin(setup, when.sample, known, state.fault != faults.NONE)
     tracks, late = estimator.kind == KALMAN, when.age + lock_in.delay_at(setup, known)
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
-    gap, last, begun = known and dt > safety.gap, state.last, state.begins
+    gap, begun = known and dt > safety.gap, state.begins
     told = arrival(setup, effort, when, known, known and not gap)
     excess, anew = state.excess + told.missing, False
     if (gap or told.back) and state.fault == faults.NONE:
-        last, begun, anew = taking_over(last, effort), BACK, True
+        take_over(state, effort)
+        begun, anew = BACK, True
         excess = np.zeros_like(excess)
     if begun == BACK:
         memory.torques.tracked = False
@@ -235,10 +223,9 @@ def run_cycle(
     if tracks:
         since = recent_torques.between(memory.torques, when.age, known, dt)
     # 2. Velocity, reference, pose, model and faults of the robot.
-    found = state.estimated
     if estimator.kind == FILTER or estimator.kind == LEVANT:
-        found = estimated(estimator, state.estimated, known, position, dt)
-        velocity = found.velocity
+        state.estimated = estimated(estimator, state.estimated, known, position, dt)
+        velocity = state.estimated.velocity
     if tracks and not estimator.velocities:
         velocity = np.zeros_like(velocity)
         if kalman.running(memory.torques, when.sample, known):
@@ -250,12 +237,10 @@ def run_cycle(
         estimator.kind == NONE or estimator.kind == AGED or (tracks and estimator.velocities)
     )
     comparable = known and measured and not gap
-    wrong = inconsistent(setup, position, velocity, last.position, comparable, dt)
+    wrong = inconsistent(setup, position, velocity, comparable, dt)
     obeys = told.waits or told.spell < safety.effort_timeout
     doubt = select(obeys, wrong, faults.TORQUE_LOST)
-    sensed = sense(
-        setup, state, last, desired, position, velocity, effort, doubt, when, since, late
-    )
+    sensed = sense(setup, desired, position, velocity, effort, doubt, when, since, late)
     zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
     if setup.place != NO_PLACE and sensed.fault == faults.NONE:
         place = place_gradient(setup.locate, setup.robot, setup.place, position, sensed.pose)
@@ -271,7 +256,7 @@ def run_cycle(
             joined,
             position,
             velocity,
-            last.torque,
+            state.torque,
             told.missing,
             known,
             when.sample,
@@ -292,25 +277,26 @@ def run_cycle(
         if repeats:
             alone = begun == GOES_ON and every(joined.position == desired.position)
             learned = repetition.recalled(
-                setup, when.sample, known, alone, last.takes_over, desired
+                setup, when.sample, known, alone, state.takes_over, desired
             )
             correction = repetition.correction(setup, sensed.model, reference, feedback, demand)
             demand = demand + learned
-        torque = select(in_vain, last.torque, demand)
+        torque = select(in_vain, state.torque, demand)
         if identifies:
             torque = torque + lock_in.added(setup, when.sample)
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
     # 4. The same within the limits, or the safe action.
     blind = wrong != faults.NONE
-    done = act(setup, state, last, desired, position, velocity, sensed, blind, asked, dt)
+    done = act(setup, desired, position, velocity, sensed, blind, asked, dt)
+    state.pose, state.lost, state.begins = sensed.pose, sensed.lost, GOES_ON
     # Also without a filter: a law that comes next may have one.
     recent_torques.remember(setup, when.sample, done.torque, learned, tracks)
-    if repeats and done.fault == faults.NONE:
+    if repeats and state.fault == faults.NONE:
         finds = lock_in.phase(setup, when.sample)
         believed = done.acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
         repetition.learn(setup, when.sample, desired, learned, correction, believed)
     if identifies:
-        failed = done.fault != faults.NONE
+        failed = state.fault != faults.NONE
         lock_in.observe(setup, when.sample, sensed.model, error, done.torque, when.age, failed)
     return Cycle(
         done.torque,
@@ -318,26 +304,11 @@ def run_cycle(
         done.coupled_error,
         done.acted + select(told.spell >= TOLD, EFFORT, 0),
         sensed.cause,
-        CycleState(
-            sensed.pose,
-            done.last,
-            done.excess,
-            done.held,
-            done.fault,
-            found,
-            GOES_ON,
-            sensed.lost,
-        ),
     )
 
 
-def cycle_of(setup: Boxed, state: CycleState) -> FirstClass:
-    """The cycle as a value, so that loops are not compiled with all of it inside.
-
-    Args:
-        setup: The ControlSetup.
-        state: State of the controller.
-    """
-    row = state.held
+def cycle_of(setup: Boxed) -> FirstClass:
+    """The cycle of a ControlSetup as a value, so that loops are not compiled with all of it."""
+    row = setup.memory.state.held
     reference, when = JointReference(row, row, row), When(0, 0.0, 1e-3)
-    return FirstClass(run_cycle, setup, reference, row, row, row, state, when)
+    return FirstClass(run_cycle, setup, reference, row, row, row, when)

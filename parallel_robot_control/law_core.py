@@ -41,7 +41,7 @@ class LawCore:
         """
         self.configuration = configuration  # with this law
         self.law, self.setup, self._common = control.law, control.setup, common
-        self._cycle = cycle_of(control.setup, control.state)
+        self._cycle = cycle_of(control.setup)
         self._core = Boxed(Core(self._cycle, control.setup, common))
         self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
 
@@ -83,7 +83,7 @@ class LawCores:
             InputError: a law cannot be used.
         """
         self._common, self._wire = common, wire
-        self._memory = memory_of(configuration)
+        self.memory = memory_of(configuration)
         self._first: LawCore | None = None
         self._made: dict[str, LawCore] = {}  # the newest core of each law
         for law in configuration.laws:
@@ -108,7 +108,7 @@ class LawCores:
         if made and known:
             core = made.renewed(configuration, known)
         else:
-            control = assemble(configuration, name, self._memory)
+            control = assemble(configuration, name, self.memory)
             if self._first is None:
                 self._first = LawCore(configuration, control, self._common, self._wire)
             core = self._first.again(configuration, control.law, control.setup)

@@ -18,7 +18,6 @@ from parallel_robot_control.safety.checks import (
 )
 from parallel_robot_control.safety.limiting import (
     ZERO,
-    Last,
     When,
     find_fault,
     limit_torque,
@@ -46,8 +45,6 @@ class Sensed(NamedTuple):
 @inner
 def sense(
     setup: Any,
-    state: Any,
-    last: Last,
     reference: JointReference,
     position: Array,
     velocity: Array,
@@ -64,8 +61,6 @@ def sense(
 
     Args:
         setup: The ControlSetup.
-        state: The CycleState after the cycle before.
-        last: What that cycle saw and did, as the law goes on from it.
         reference: Desired joint motion.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -75,23 +70,23 @@ def sense(
         since: Time between the moments of this reference and the last one [s].
         late: From the measurement to the moment at which the torque acts [s].
     """
-    safety, losing = setup.safety, setup.losing
+    safety, state, losing = setup.safety, setup.memory.state, setup.losing
     here = setup.estimate(setup.robot, setup.margins, position, velocity, state.pose)
-    cause = find_fault(safety, reference, position, velocity, last, when.dt, since)
+    cause = find_fault(safety, state, reference, position, velocity, when.dt, since)
     cause = select(cause == faults.NONE, doubt, cause)
     cause = select(cause == faults.NONE, here.fault, cause)
     if cause == faults.NONE and way_to_rest(safety, multiply(here.model.M, velocity)) > SHORT:
-        fast = too_fast(setup, position, velocity, here, last, late)
+        fast = too_fast(setup, position, velocity, here, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
-    acted = select(effort - effort == 0.0, effort, last.torque)
+    acted = select(effort - effort == 0.0, effort, state.torque)
     if some(np.abs(acted) > LOOKED_AT * safety.residual_limit):
-        comparable = last.known and not when.dt > safety.gap
+        comparable = state.known and not when.dt > safety.gap
         resisted = is_resisted(setup, here.model, velocity, acted, when, comparable)
         if resisted and cause == faults.NONE:
             cause = faults.TORQUE_RESISTED
     fault = select(state.fault == faults.NONE, cause, state.fault)
     leap = select(safety.speed_limit * when.dt < LEAP, LEAP, safety.speed_limit * when.dt)
-    leapt = last.known and some(np.abs(position - last.position) > leap)
+    leapt = state.known and some(np.abs(position - state.position) > leap)
     lost = state.lost | ((losing >> here.fault) & 1 != 0) | (leapt and losing != 0)
     return Sensed(cause, fault, here.pose, here.model, lost)
 
@@ -100,23 +95,17 @@ def sense(
 
 
 class Limited(NamedTuple):
-    """What becomes of what a law asks for; the names are those of Cycle, Last and CycleState."""
+    """What becomes of what a law asks for, each shape (n,)."""
 
-    torque: Array
+    torque: Array  # [N m]
     sliding_variable: Array
-    coupled_error: Array
-    acted: int
-    last: Last
-    excess: Array
-    held: Array
-    fault: int
+    coupled_error: Array  # [rad]
+    acted: int  # bits of the limits that acted
 
 
 @inner
 def act(
     setup: Any,
-    state: Any,
-    last: Last,
     reference: JointReference,
     position: Array,
     velocity: Array,
@@ -127,10 +116,10 @@ def act(
 ) -> Limited:
     """Limit the torque that the law asks for, or replace it with the safe action.
 
+    What was seen and done is the CycleState of the next cycle.
+
     Args:
         setup: The ControlSetup.
-        state: The CycleState after the cycle before.
-        last: What that cycle saw and did, as the law goes on from it.
         reference: Desired joint motion at the state's stamp.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
@@ -139,25 +128,26 @@ def act(
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
     """
-    safety, fault = setup.safety, sensed.fault
+    safety, state, fault = setup.safety, setup.memory.state, sensed.fault
     demand, sliding_variable, coupled_error = asked
     # 1. A demand that is not finite is a fault, too.
     finite = is_finite(demand)
     fault = select((fault == faults.NONE) & (finite == False), faults.TORQUE_NOT_FINITE, fault)  # noqa: E712
     # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
     failed = fault != faults.NONE
-    new = failed & ((state.fault == faults.NONE) | (last.known == False))  # noqa: E712
-    held = select(new, position, state.held)
+    if failed and (state.fault == faults.NONE or not state.known):
+        state.held = position
     zero = np.zeros_like(position)
-    safe = select(blind, zero, safe_torque(safety, held, position, velocity))
+    safe = select(blind, zero, safe_torque(safety, state.held, position, velocity))
     safe = safe + select(safety.action == ZERO, zero, sensed.model.gravity)
     demand = select(failed, safe, demand)
     sliding_variable = select(failed, zero, sliding_variable)
     coupled_error = select(failed, reference.position - position, coupled_error)
-    offset = select(failed, zero, last.offset)
-    takes_over = last.takes_over & (fault == faults.NONE)
-    last = Last(last.position, last.reference, last.torque, offset, takes_over, last.known)
+    if failed:
+        state.offset, state.takes_over = zero, False
     # 3. The limits; the next cycle continues from what they let through.
-    torque, excess, offset, acted = limit_torque(safety, demand, last, setup.period, dt)
-    last = Last(position, reference.position, torque, offset, False, True)
-    return Limited(torque, sliding_variable, coupled_error, acted, last, excess, held, fault)
+    torque, excess, offset, acted = limit_torque(safety, demand, state, setup.period, dt)
+    state.position, state.reference, state.torque = position, reference.position, torque
+    state.offset, state.excess, state.takes_over, state.known = offset, excess, False, True
+    state.fault = fault
+    return Limited(torque, sliding_variable, coupled_error, acted)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.cycle import CycleState, cycle_of
+from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
@@ -41,7 +41,6 @@ class ClosedLoopRun(NamedTuple):
     acted: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
     plant: PlantState  # state of the plant after the last command
-    cycle: CycleState  # state of the controller after the last row
     waiting: Waiting  # what the motors know of the commands after the last row
     sent: Array  # the last command [N m], shape (n,)
     cause: int  # fault whose cause was there at the last state, see Cycle
@@ -54,7 +53,6 @@ class LoopState(NamedTuple):
     """What one sample hands to the next; attributes as the last ones of a ClosedLoopRun."""
 
     plant: PlantState
-    cycle: CycleState
     waiting: Waiting
     sent: Array
     cause: int
@@ -87,13 +85,14 @@ def begin(control: Control, plant: Plant, anew: bool = True) -> LoopState:
     """State of a loop before its first sample; arguments as of :func:`run`."""
     if anew:
         control.law.begin()
+    control.setup.memory.state.value = control.state
     waiting = not_waiting(len(control.state.held))
-    return LoopState(plant.state, control.state, waiting, waiting.command, faults.NONE)
+    return LoopState(plant.state, waiting, waiting.command, faults.NONE)
 
 
 def end(run: ClosedLoopRun) -> LoopState:
     """State of a loop after the last sample of a part of its run."""
-    return LoopState(run.plant, run.cycle, run.waiting, run.sent, run.cause)
+    return LoopState(run.plant, run.waiting, run.sent, run.cause)
 
 
 def run_part(
@@ -120,7 +119,7 @@ def run_part(
     """
     loop = partial(
         compiled_loop,
-        cycle_of(control.setup, state.cycle),
+        cycle_of(control.setup),
         FirstClass(step, plant.setup, state.plant, state.plant.torque, period),
         control.setup,
         plant.setup,
@@ -129,10 +128,10 @@ def run_part(
     )
     parts: list[ClosedLoopRun] = []
     for row, stop in itertools.pairwise([*course.cuts, len(course.known)]):
-        cycle = course.befall(row, control, state.cycle, state.plant.torque, state.cause)
-        if refused is not None and row in course.clears and cycle.fault != faults.NONE:
-            refused.append((row, state.cause or cycle.fault))
-        state = state._replace(cycle=cycle)
+        course.befall(row, control, state.plant.torque, state.cause)
+        fault = control.setup.memory.state.fault
+        if refused is not None and row in course.clears and fault != faults.NONE:
+            refused.append((row, state.cause or fault))
         part: ClosedLoopRun = loop(state, complete, period, first, row, stop)
         parts.append(part)
         state = end(part)
@@ -175,7 +174,7 @@ def compiled_loop(
 
     Row 0 of reference and `heard` is the sample `origin`.
     """
-    state, cycle_state, waiting, torque, cause = begin
+    state, waiting, torque, cause = begin
     row = state.torque
     hazards = plant.hazards
     # 1. Arrays for all rows; the robot gives the number of passive joints.
@@ -231,21 +230,20 @@ def compiled_loop(
                 read_row(reference.acceleration, place - late, row),
             )
             when = When(sample - late, plant.imperfections.age, dt)
-            cycle = run_cycle(control, desired, angles, rates, effort, cycle_state, when)
+            cycle = run_cycle(control, desired, angles, rates, effort, when)
             torque, cause = cycle.torque, cycle.cause
             write_row(acted, k, cycle.acted)
             if complete:
                 write_row(command, k, torque)
                 write_row(sliding_variable, k, cycle.sliding_variable)
                 write_row(coupled_error, k, cycle.coupled_error)
-            cycle_state = cycle.state
         else:
             write_row(acted, k, 0)
             if complete:
                 write_row(command, k, nothing)
                 write_row(sliding_variable, k, nothing)
                 write_row(coupled_error, k, nothing)
-        write_row(fault, k, cycle_state.fault)
+        write_row(fault, k, control.memory.state.fault)
         # 4. It acts until the next state.
         asked = torque
         if hazards.on:
@@ -267,7 +265,6 @@ def compiled_loop(
         acted,
         steps,
         state,
-        cycle_state,
         waiting,
         torque,
         cause,

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.assembly import Control
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_state import (
-    cleared,
-    joining,
-    rejoined,
-    tripped,
-    without_torque,
-)
-from parallel_robot_control.cycle import CycleState
+from parallel_robot_control.controller_state import clear, drop_torque, join, rejoin, trip
 from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
@@ -81,44 +74,36 @@ class Course(NamedTuple):
         count = len(self.heard.answered)
         return sorted(k for k in {*rows_of_events, *rows[begun].tolist()} if not k or k < count)
 
-    def befall(
-        self,
-        sample: int,
-        control: Control,
-        cycle: CycleState,
-        effort: Array,
-        cause: int,
-    ) -> CycleState:
-        """What happens to the controller before it answers the state of a sample.
+    def befall(self, sample: int, control: Control, effort: Array, cause: int) -> None:
+        """Let happen to the controller what does before it answers the state of a sample.
 
         Args:
             sample: Index of the sample.
-            control: The controller before its first state.
-            cycle: State of its cycle.
+            control: The controller, after the sample before.
             effort: Torque of the motors before the sample [N m], shape (n,).
             cause: Fault whose cause was there at the state before.
-
-        Returns:
-            State from there on.
         """
+        cycle: Any = control.setup.memory.state
         if sample in self.renewals:
-            cycle, cause = joining(control.state, effort), faults.NONE
+            cycle.value, cause = control.state, faults.NONE
+            join(cycle, effort)
             control.law.reset_memory()
         before = np.flatnonzero(self.heard.answered[:sample])[-1:]
         refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
         lasts = cause != faults.NONE or self.stale[before].any() or refused.any() or cycle.lost
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
-            cycle = cleared(cycle)
+            clear(cycle)
             control.law.reset_memory()
         if sample in self.lost:
-            cycle = without_torque(tripped(cycle, self.lost[sample]))
+            trip(cycle, self.lost[sample])
+            drop_torque(cycle)
         if sample in self.late:
-            cycle = without_torque(tripped(cycle, faults.STATES_STALE))
+            trip(cycle, faults.STATES_STALE)
+            drop_torque(cycle)
         if sample in self.returns:
-            cycle = rejoined(cycle)
+            rejoin(cycle)
         if len(self.stale) and self.stale[sample]:
-            cycle = tripped(cycle, faults.REFERENCE_STALE)
-        return cycle
+            trip(cycle, faults.REFERENCE_STALE)
 
 
 def course_of(plant: Plant, reference: Reference, period: float) -> Course:

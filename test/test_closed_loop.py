@@ -156,14 +156,13 @@ def test_memory_does_not_grow_with_single_cycles(values, robot):
     reference = JointReference(theta, still, still)
 
     when = When(0, 0.0, 1e-3)
-    begin = control.setup, reference, theta, still, still, control.state, when
+    begin = control.setup, reference, theta, still, still, when
     cycle_alone = entry_point(run_cycle, *begin)
 
     def cycles(count):
-        state = initial_state(PAPER_START, 3)
+        control.setup.memory.state.value = initial_state(PAPER_START, 3)
         for _ in range(count):
-            cycle = cycle_alone(control.setup, reference, theta, still, still, state, when)
-            state = cycle.state
+            cycle_alone(control.setup, reference, theta, still, still, when)
 
     cycles(1000)
     before = resident()

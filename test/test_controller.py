@@ -293,7 +293,7 @@ def test_states_that_were_held_up_and_come_all_at_once_make_no_jump(stall, at_on
                 stamp, state = queue.pop(0)
                 now = START + k * MS + (i + 1) * MS // (at_once + 1)
                 answered += core.answer(layout.encode(stamp, **state._asdict()), now=now) > 0
-                torque = np.array(core.state.last.torque)
+                torque = np.array(core.state.torque)
         torques.append(torque)
         plant.advance(torque)
     after = np.array(torques)[begin:]

@@ -45,7 +45,7 @@ def numbers():
     made = assemble(
         configure(resolve('paper_circle', {'law': 's_fotsmc', 'duration': STEPS * 1e-3}))
     )
-    setup, state = made.control.setup, made.control.state
+    setup = made.control.setup
     q, rate = vector((0.1, 0.2, -0.3)), vector((0.5, -0.4, 0.2))
     desired = JointReference(q + 0.01, rate, 0.0 * q)
     model = Model(vector(np.eye(3)), 0.1 * vector(np.eye(3)), 0.0 * q)
@@ -53,10 +53,11 @@ def numbers():
     law = s_fotsmc.update(gains, model, desired, Feedback(q, rate, q, 0.0 * q), memory, 1e-3)
     reference = made.trajectory.sample(np.arange(STEPS + 1) * 1e-3)
     start = JointReference(*(vector(row[0]) for row in reference[:3]))
-    run_cycle = cycle_of(setup, state)
-    cycle = run_cycle(setup, start, start.position, rate, 0.0 * rate, state, When(0, 0.0, 1e-3))
+    run_cycle = cycle_of(setup)
+    cycle = run_cycle(setup, start, start.position, rate, 0.0 * rate, When(0, 0.0, 1e-3))
+    pose = setup.memory.state.pose
     loop = run(made.control, made.plant, reference, 1e-3)
-    values = [law.torque, law.sliding_variable, cycle.torque, cycle.state.pose, loop.pose]
+    values = [law.torque, law.sliding_variable, cycle.torque, pose, loop.pose]
     return [*values, loop.command, loop.sliding_variable, loop.fault]
 
 

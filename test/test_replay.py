@@ -206,7 +206,7 @@ def test_a_pose_that_was_told_is_replayed(tmp_path):
     """Another assembly mode, so that the law computes with another model from there on."""
 
     def tell(controller):
-        position, pose = controller.state.last.position, controller.state.pose
+        position, pose = controller.state.position, controller.state.pose
         modes = controller._modes.all(np.array(position), np.array(pose))
         controller.place(modes[1])
 

@@ -2,6 +2,7 @@
 
 import math
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -32,7 +33,7 @@ from parallel_robot_control.safety.faults import (
     STATES_STALE,
     TORQUE_NOT_FINITE,
 )
-from parallel_robot_control.safety.limiting import RAMP, RATE, TORQUE, Last
+from parallel_robot_control.safety.limiting import RAMP, RATE, TORQUE
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.planar_3rrr.estimate import TYPE_1, TYPE_2
 from parallel_robot_model.robots.planar_3rrr.forward_kinematics import NOT_CONVERGED
@@ -362,9 +363,16 @@ def test_a_reference_from_the_far_future_does_no_harm():
     assert rig.controller.counts == {'reference stamps that jump back': 1}
 
 
+class Before(NamedTuple):
+    """What of a CycleState the limits look at."""
+
+    torque: np.ndarray
+    offset: np.ndarray
+    takes_over: bool
+
+
 def last(torque, offset=(0.0, 0.0, 0.0), takes_over=False):
-    zero = np.zeros(3)
-    return Last(zero, zero, np.array(torque), np.array(offset), takes_over, True)
+    return Before(np.array(torque), np.array(offset), takes_over)
 
 
 def test_the_torque_limit_clips_each_joint_and_says_what_is_cut_off():

@@ -8,11 +8,11 @@ from rig import SAMPLES, Rig
 
 from parallel_robot_control import assembly as control
 from parallel_robot_control import configuration
-from parallel_robot_control.controller_state import taking_over
-from parallel_robot_control.cycle import cycle_memory
+from parallel_robot_control.controller_state import take_over
 from parallel_robot_control.laws import LAWS
 from parallel_robot_control.safety.limiting import RAMP
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.compiler import Struct
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_sim.closed_loop import run
 from parallel_robot_sim.configuration import assemble, configure
@@ -45,12 +45,20 @@ ON_ANOTHER_FILTER = ('lqg_tracking', 'calm_tracking')  # have theirs from the la
 
 def follow(parts, control, first, last, plant, cycle):
     """Part of the motion under one law that begins, from given states."""
-    return run(
+    made = run(
         control._replace(state=cycle),
         parts.plant._replace(state=plant),
         Reference(*(rows[first:last] for rows in MOTION)),
         1e-3,
     )
+    return made, control.setup.memory.state.value
+
+
+def taken_over(cycle, torque):
+    """A state whose law has just changed."""
+    state = Struct(cycle)
+    take_over(state, torque)
+    return state.value
 
 
 @pytest.fixture(scope='module')
@@ -81,12 +89,12 @@ def error(pose, first):
 def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, controls, before):
     one = controls[name]
     end = MOVING + round(DWELL[name] * 1e3) + WINDOW
-    alone = follow(parts, one, 0, end, parts.plant.state, parts.control.state)
+    alone, _ = follow(parts, one, 0, end, parts.plant.state, parts.control.state)
     own = error(alone.pose, 0)[-WINDOW:]
     rms, largest = SPREAD.get(name, (1.05, 1.1))
-    for other, at in before.items():
-        cycle = taking_over(at.cycle, at.command[-1])
-        out = follow(parts, one, MOVING, end, at.plant, cycle)
+    for other, (at, left) in before.items():
+        cycle = taken_over(left, at.command[-1])
+        out, _ = follow(parts, one, MOVING, end, at.plant, cycle)
         assert out.steps == end - MOVING and not out.fault.any()
         assert np.isfinite(out.command).all() and np.isfinite(out.pose).all()
         assert set(out.acted) <= {0, RAMP}
@@ -111,7 +119,7 @@ def tour(names):
 def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     """Through the changes of the controller; the compiled loop has the same bits."""
     laws = [law for law in LAWS if law not in ON_ANOTHER_FILTER]
-    memory = cycle_memory(3)  # one for all laws
+    memory = control.memory_of(CONFIGURATION.control)  # one for all laws
     controls = {name: control.assemble(CONFIGURATION.control, name, memory) for name in laws}
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
@@ -121,13 +129,13 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts):
         one = controls[name]
         if number:
             rig.change(law=name)
-            cycle = taking_over(cycle, rig.torques[-1])
+            cycle = taken_over(cycle, rig.torques[-1])
         for _ in range(dwell):
             sample = rig.step()
             assert sample.status.law == name and sample.status.fault is None
         first = number * dwell
-        out = follow(parts, one, first, first + dwell, plant, cycle)
-        plant, cycle = out.plant, out.cycle
+        out, cycle = follow(parts, one, first, first + dwell, plant, cycle)
+        plant = out.plant
         assert np.array_equal(out.command, rig.torques[-dwell:])
         assert np.array_equal(
             numbers(one.law.memory.current), numbers(rig.controller.law.memory.current)

@@ -27,7 +27,12 @@ def boxed(robot: Any, parameters: Any) -> Boxed:
 
 def setup_of(**parts: Any) -> Boxed:
     """What a kernel reads of a ControlSetup: some of its parts."""
-    return Boxed(namedtuple('_'.join(parts), parts)(**parts))
+    return Boxed(_named(*parts)(**parts))
+
+
+@functools.cache
+def _named(*names: str) -> Any:
+    return namedtuple('_'.join(names), names)
 
 
 class OnVectors:

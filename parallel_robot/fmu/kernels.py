@@ -48,7 +48,6 @@ class LawInstance(NamedTuple):
     """A controller with its memory."""
 
     setup: Any  # law, robot and limits, see :class:`ControlSetup`
-    state: Any  # CycleState after the cycle before, a Struct
     values: int  # address of inputs and outputs: ROWS for each joint, then NUMBERS
     period: float  # time between states [s]
 
@@ -66,7 +65,8 @@ def law_instance(control: Control, period: float, state_timeout: float) -> Boxed
     values = Space(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault
     values.floats[ROWS * joints + STATE_TIMEOUT] = state_timeout
-    return Boxed(LawInstance(control.setup, Struct(control.state), values, period))
+    control.setup.memory.state.value = control.state
+    return Boxed(LawInstance(control.setup, values, period))
 
 
 @kernel
@@ -78,7 +78,7 @@ def begin_law(instance: LawInstance) -> int:
 @kernel
 def answer_state(instance: LawInstance) -> int:
     """Compute the torque for the state in the inputs; 0."""
-    values, state = instance.values, instance.state.value
+    values, state = instance.values, instance.setup.memory.state
     row = state.held
     first = ROWS * len(row)
     desired = JointReference(
@@ -90,7 +90,7 @@ def answer_state(instance: LawInstance) -> int:
     effort = select(known, read_at(values, EFFORT, row), np.zeros_like(row) + np.nan)
     sample, dt = int(read_at(values, first + SAMPLE, 0.0)), instance.period
     elapsed = min(read_at(values, first + ELAPSED, 0.0), FOREVER)
-    torque, cause = state.last.torque, NONE
+    torque, cause = state.torque, NONE
     overdue = read_at(values, first + REFERENCE_AGE, 0.0) > OVERDUE
     joins = read_at(values, first + WAITS, 0.0) != 0.0 and not overdue
     if sample == 0 and read_at(values, first + JOINS, 0.0) != 0.0:  # it goes on from what acts
@@ -99,22 +99,21 @@ def answer_state(instance: LawInstance) -> int:
         sample, dt = sample + int(elapsed / dt + 0.5) - 1, elapsed
         if elapsed > read_at(values, first + STATE_TIMEOUT, 0.0):
             torque, cause = np.zeros_like(row), STATES_STALE
+    before_cycle(state, torque, cause, joins)
     cycle = run_cycle(
         instance.setup,
         desired,
         read_at(values, POSITION, row),
         read_at(values, VELOCITY, row),
         effort,
-        before_cycle(state, torque, cause, joins),
         When(sample, read_at(values, first + AGE, 0.0), dt),
     )
-    instance.state.value = cycle.state
     write_at(values, TORQUE, cycle.torque)
     write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
     write_at(values, COUPLED_ERROR, cycle.coupled_error)
     write_at(values, first + SAMPLE, float(sample + 1))
     write_at(values, first + WAITS, select(overdue, 1.0, 0.0))
-    write_at(values, first + FAULT, float(cycle.state.fault))
+    write_at(values, first + FAULT, float(state.fault))
     write_at(values, first + CAUSE, float(cycle.cause))
     write_at(values, first + ACTED, float(cycle.acted))
     return 0
@@ -227,7 +226,7 @@ def begin_loop(instance: LoopInstance) -> int:
 def step_loop(instance: LoopInstance) -> int:
     """Answer the state, move the robot under the torque; as :func:`begin_loop`."""
     law, plant = instance.law, instance.plant
-    row = law.state.held
+    row = law.setup.memory.state.held
     write_at(law.values, POSITION, read_at(plant.values, PLANT_POSITION, row))
     write_at(law.values, VELOCITY, read_at(plant.values, PLANT_VELOCITY, row))
     write_at(law.values, EFFORT, read_at(plant.values, PLANT_EFFORT, row))
@@ -242,7 +241,7 @@ def step_loop(instance: LoopInstance) -> int:
 @kernel
 def _refer(instance: LoopInstance) -> None:
     """Write the reference of the state that the law answers next."""
-    law, row = instance.law, instance.law.state.held
+    law, row = instance.law, instance.law.setup.memory.state.held
     number = ROWS * len(row) + SAMPLE
     k = min(int(read_at(law.values, number, 0.0)), len(instance.position) - 1)
     write_at(law.values, REFERENCE, read_row(instance.position, k, row))

@@ -11,7 +11,6 @@ from parallel_robot_control.estimation.estimator import Observed, observed
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import (
     ZERO,
-    Last,
     When,
     safe_torque,
 )
@@ -60,21 +59,18 @@ def ways_memory(zero: Array) -> Struct:
 
 
 @inner
-def inconsistent(
-    setup: Any, position: Array, velocity: Array, before: Array, comparable: bool, dt: float
-) -> int:
+def inconsistent(setup: Any, position: Array, velocity: Array, comparable: bool, dt: float) -> int:
     """The fault of states whose positions and rates contradict each other, else NONE.
 
     Args:
         setup: The ControlSetup.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        before: Angles of the state before [rad], shape (n,).
         comparable: Whether there was a state not long before, and rates are measured.
         dt: Time since then [s].
     """
     memory, tolerance = setup.memory.ways, setup.safety.rate_tolerance
-    went, told = position - before, dt * velocity
+    went, told = position - setup.memory.state.position, dt * velocity
     fresh = not (comparable and memory.in_doubt)
     if comparable and fresh and every(np.abs(went - told) <= ALIKE * tolerance):
         return faults.NONE
@@ -280,9 +276,7 @@ def way_to_rest(safety: Any, momentum: Array) -> float:
 
 
 @inner
-def too_fast(
-    setup: Any, position: Array, velocity: Array, found: Estimate, last: Last, late: float
-) -> bool:
+def too_fast(setup: Any, position: Array, velocity: Array, found: Estimate, late: float) -> bool:
     """Whether the robot could not be brought to rest without a fault of its own.
 
     M vd + Q v = -D v in steps of the midpoint rule, implicit in D; the model at the middle of one
@@ -294,7 +288,6 @@ def too_fast(
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         found: The estimate there; no fault.
-        last: The cycle before.
         late: Age of the state [s].
     """
     safety, momentum = setup.safety, multiply(found.model.M, velocity)
@@ -302,7 +295,7 @@ def too_fast(
         return False
     # 1. The motion goes on until the torque has turned round.
     wanted = safe_torque(safety, position, position, velocity)
-    turning = largest((wanted - last.torque) / safety.torque_rate)
+    turning = largest((wanted - setup.memory.state.torque) / safety.torque_rate)
     position = position + (late + turning) * velocity
     # 2. The way to rest.
     for _ in range(STEPS):

@@ -65,17 +65,6 @@ class When(NamedTuple):
     dt: float  # from the measurement of the state before to that of this one [s]
 
 
-class Last(NamedTuple):
-    """Measurements and output of the cycle before, each shape (n,)."""
-
-    position: Array  # measured angles [rad]
-    reference: Array  # desired angles [rad]
-    torque: Array  # torque applied [N m]
-    offset: Array  # subtracted from the demanded torque; fades to zero after a take-over [N m]
-    takes_over: bool  # whether the next torque must continue from `torque`
-    known: bool  # whether `position` and `reference` were measured
-
-
 @kernel
 def safe_torque(safety: Any, held: Array, position: Array, velocity: Array) -> Array:
     """Torque of the safe action: zero, damping, or also stiffness to `held` [N m], shape (n,)."""
@@ -89,10 +78,10 @@ def safe_torque(safety: Any, held: Array, position: Array, velocity: Array) -> A
 @inlined
 def find_fault(
     safety: Any,
+    state: Any,
     reference: JointReference,
     position: Array,
     velocity: Array,
-    last: Last,
     dt: float,
     since: float,
 ) -> int:
@@ -100,17 +89,17 @@ def find_fault(
 
     Args:
         safety: Limits of torque, rate and speed.
+        state: The CycleState after the cycle before.
         reference: Desired joint motion.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        last: The cycle before.
         dt: Time since the cycle before [s].
         since: Time between the moments for which the two references are [s].
     """
     reach = safety.speed_limit * dt
     later = safety.speed_limit * select(since > dt, since, dt)
-    jumped = last.known & (np.abs(position - last.position) > reach)
-    led = last.known & (np.abs(reference.position - last.reference) > later)
+    jumped = state.known & (np.abs(position - state.position) > reach)
+    led = state.known & (np.abs(reference.position - state.reference) > later)
     fault = select(led, faults.REFERENCE_JUMP, faults.NONE)
     fault = select(jumped, faults.POSITION_JUMP, fault)
     fault = select(np.abs(velocity) > safety.speed_limit, faults.SPEED, fault)
@@ -122,7 +111,7 @@ def find_fault(
 
 @inlined
 def limit_torque(
-    safety: Any, demand: Array, last: Last, period: float, dt: float
+    safety: Any, demand: Array, state: Any, period: float, dt: float
 ) -> tuple[Array, Array, Array, int]:
     """Bring a demanded torque within the limits, without a jump when a law takes over.
 
@@ -133,7 +122,7 @@ def limit_torque(
     Args:
         safety: Limits of torque, rate and speed.
         demand: Demanded torque [N m], shape (n,).
-        last: The cycle before; rates count from its torque, clipped to the limit.
+        state: The CycleState; rates count from its torque, clipped to the limit.
         period: Control period [s]; after a gap, too, the ramp goes on by one.
         dt: Time since the cycle before [s].
 
@@ -141,9 +130,9 @@ def limit_torque(
         Torque [N m]; excess that the limits cut off [N m]; offset that is still to be faded out
         [N m]; each shape (n,); bits of the limits that acted.
     """
-    start = clip(last.torque, -safety.torque_limit, safety.torque_limit)
+    start = clip(state.torque, -safety.torque_limit, safety.torque_limit)
     # 1. Take-over: offset = demand - start, faded at the ramp rate, sample by sample.
-    offset = select(last.takes_over, demand - start, last.offset)
+    offset = select(state.takes_over, demand - start, state.offset)
     ramped = some(offset != 0.0)
     left = np.abs(offset) - safety.ramp_rate * period
     offset = np.copysign(select(left > 0.0, left, 0.0), offset)

@@ -16,16 +16,15 @@ from parallel_robot_control.batch import Batch, States, answer
 from parallel_robot_control.configuration import ControlConfiguration, changed, settings
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller_state import (
-    cleared,
-    joining,
-    placed,
-    rejoined,
-    restarted,
-    switched,
-    tripped,
-    without_torque,
+    clear,
+    drop_torque,
+    join,
+    place,
+    rejoin,
+    restart,
+    switch,
+    trip,
 )
-from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_control.reference_buffer import RESTART, extrapolate_rows
 from parallel_robot_control.safety import faults
@@ -87,12 +86,11 @@ class Moment(NamedTuple):
 
     configuration: ControlConfiguration
     control: Control  # law, robot and limits
-    state: CycleState  # state of its cycle
     past: Past  # memory of the law and of the cycle, which the cycle changes
 
-    def moved(self, batch: Batch) -> Moment:
-        """After a batch that :meth:`RecordedController.answer` has just answered."""
-        return self._replace(state=batch.state, past=past_of(self.control))
+    def moved(self) -> Moment:
+        """After what :meth:`RecordedController.answer` has just answered."""
+        return self._replace(past=past_of(self.control))
 
 
 class RecordedController:
@@ -193,8 +191,9 @@ class RecordedController:
     def first(self, common: bool) -> Moment:
         """Before the first state; without a common start, the controller takes over."""
         control = assemble(self._configuration)
-        state = control.state if common else joining(control.state, self._effort[0])
-        return Moment(self._configuration, control, state, past_of(control))
+        if not common:
+            join(control.setup.memory.state, self._effort[0])
+        return Moment(self._configuration, control, past_of(control))
 
     def answer(self, moment: Moment, first: int, stop: int, expected: np.ndarray) -> Batch:
         """Answer some states, up to the first torque that is not the expected one.
@@ -209,47 +208,44 @@ class RecordedController:
             expected: Torques of all states [N m], NaN where any will do.
         """
         stop = min(stop, len(self.stamps))
-        control, state = moment.control, moment.state
+        control, state = moment.control, moment.control.setup.memory.state
         moment.past.restore(control)
         torques, answered = [], 0
         inside = self._edges[(self._edges > first) & (self._edges < stop)]
         for begin, end in itertools.pairwise([first, *inside.tolist(), stop]):
             if begin in self._renewals:
-                state = state._replace(fault=faults.NONE)
+                state.fault = faults.NONE
             if begin in self._restarts or begin in self._renewals:
-                state = restarted(state, np.array(self._configuration.guess))
-                state = joining(state, self._effort[begin])
+                restart(state, np.array(self._configuration.guess))
+                join(state, self._effort[begin])
                 control.law.reset_memory()
             elif begin in self._gaps:
-                state = without_torque(tripped(state, faults.STATES_STALE))
+                trip(state, faults.STATES_STALE)
+                drop_torque(state)
             if begin in self._returns:
-                state = rejoined(state)
+                rejoin(state)
             if begin < stop and self._stale[begin]:
-                state = tripped(state, faults.REFERENCE_STALE)
+                trip(state, faults.REFERENCE_STALE)
             rows = slice(begin, end)
             before = past_of(control)
-            batch = self._answer(control, rows, expected, state)
+            batch = self._answer(control, rows, expected)
             if batch.answered < end - begin:  # it remembers the state that was not expected
                 before.restore(control)
                 rows = slice(begin, begin + batch.answered)
-                self._answer(control, rows, expected, state)
+                self._answer(control, rows, expected)
             torques.append(batch.torque)
             answered += batch.answered
-            state = batch.state
             if batch.answered < end - begin:
                 break
-        return Batch(np.concatenate(torques), answered, state)
+        return Batch(np.concatenate(torques), answered)
 
-    def _answer(
-        self, control: Control, rows: slice, expected: np.ndarray, state: CycleState
-    ) -> Batch:
+    def _answer(self, control: Control, rows: slice, expected: np.ndarray) -> Batch:
         """Answer some rows up to the first torque that is not the expected one."""
         return answer(
             control.setup,
             JointReference(*(row[rows] for row in self._references)),
             self._states.part(rows),
             expected[rows],
-            state,
         )
 
     def explain_by_events(
@@ -276,8 +272,8 @@ class RecordedController:
         choices = [events[: count + 1] for count in range(len(events))]
         choices += [[event] for event in events[1:]]
         for since in range(k, max(first, k - HIDDEN) - 1, -1):
-            batch = self.answer(moment, first, since, expected)
-            before = moment.moved(batch)
+            self.answer(moment, first, since, expected)
+            before = moment.moved()
             for happened in choices:
                 guess = functools.reduce(after, happened, before)
                 explained = since + self.answer(guess, since, k + PROOF, expected).answered
@@ -305,23 +301,23 @@ class RecordedController:
 
 def after(moment: Moment, event: Event) -> Moment:
     """What an event makes of a controller."""
-    configuration, control, state, past = moment
+    configuration, control, past = moment
+    past.restore(control)
+    state: Any = control.setup.memory.state
     if event.values:
-        past.restore(control)
         before, configuration = control.law, changed(configuration, event.values)
         control = assemble(configuration, memory=control.setup.memory)
-        state = switched(state, before, control.law)
-        past = past_of(control)
+        switch(state, before, control.law)
     if len(event.pose) == len(configuration.guess):
-        state = placed(state, np.array(event.pose))
+        place(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
-        state = cleared(state)
-        past = past._replace(law=control.law.memory.first)
+        clear(state)
+        control.law.reset_memory()
     elif event.fault and state.fault == faults.NONE:
-        state = tripped(state, event.fault)
+        trip(state, event.fault)
         if event.fault in LOST:
-            state = without_torque(state)
-    return Moment(configuration, control, state, past)
+            drop_torque(state)
+    return Moment(configuration, control, past_of(control))
 
 
 def events(history: History, configuration: ControlConfiguration) -> list[Event]:

@@ -33,7 +33,7 @@ from parallel_robot_control.assembly import assemble
 from parallel_robot_control.batch import States, answer
 from parallel_robot_control.configuration import ControlConfiguration, changed, configure
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.controller_state import joining
+from parallel_robot_control.controller_state import join
 from parallel_robot_control.reference_buffer import RESTART
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, Array, JointUnits
@@ -174,7 +174,7 @@ class InParts:
             until = min(happens, check if k < check else stop)
             batch = loop.answer(moment, k, until, expected)
             torque[k : k + batch.answered] = batch.torque
-            moment = moment.moved(batch)
+            moment = moment.moved()
             k += batch.answered
             if k == until < happens:
                 sure = (k, moment) if k == check else sure
@@ -331,7 +331,7 @@ class Ghost:
 
     def _begin(self, effort: Array) -> None:
         self._control = assemble(self._configuration)
-        self._state = joining(self._control.state, effort)
+        join(self._control.setup.memory.state, effort)
 
     def answer(
         self,
@@ -368,9 +368,7 @@ class Ghost:
         self._last = int(stamps[-1])
         free = np.full_like(states.position, np.nan)
         references = JointReference(*map(np.ascontiguousarray, references))
-        batch = answer(self._control.setup, references, states, free, self._state)
-        self._state = batch.state
-        return batch.torque
+        return answer(self._control.setup, references, states, free).torque
 
 
 if __name__ == '__main__':
