@@ -18,9 +18,8 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_sim.configuration import Plant
 from parallel_robot_sim.course import Course, Heard, course_of
-from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
-from parallel_robot_sim.plant import PlantSetup, PlantState, step
-from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
+from parallel_robot_sim.hazards import Waiting, not_waiting
+from parallel_robot_sim.plant import PlantSetup, PlantState, demanded, observe, step
 from trajectory_gen.trajectory import Reference
 
 
@@ -176,7 +175,6 @@ def compiled_loop(
     """
     state, waiting, torque, cause = begin
     row = state.torque
-    hazards = plant.hazards
     # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
     count = stop - begun
@@ -199,27 +197,21 @@ def compiled_loop(
         place = begun + k
         sample = origin + place
         # 2. Measurement of the state; a robot that has left its workspace ends there.
-        true = plant.measure(plant.robot, state.coordinates, state.rate)
+        answered, late, dt, is_told = True, 0, period, True
+        if plant.hazards.on:
+            is_told, answered, late = heard.told[place], heard.answered[place], heard.late[place]
+            dt = heard.dt[place]
+        seen = observe(plant, state, sample, period, is_told)
+        true = seen.true
         if not is_finite(true.velocity):
             steps = k
             break
-        angles, rates, effort = true.position, true.velocity, state.torque
-        if plant.imperfections.on:
-            angles, rates = sensed(plant, true, state.time, period)
-            effort = effort_at_stamp(plant, state.torque, state.time, period)
-        answered, late, dt = True, 0, period
-        if hazards.on:
-            said = told(hazards, sample, angles, rates, effort)
-            if heard.told[place]:
-                angles, rates, effort = said
-            answered, late = heard.answered[place], heard.late[place]
-            dt = heard.dt[place]
         write_row(joints, k, true.position)
-        write_row(position, k, angles)
+        write_row(position, k, seen.position)
         write_row(efforts, k, state.torque)
         if complete:
             write_row(pose, k, true.pose)
-            write_row(velocity, k, rates)
+            write_row(velocity, k, seen.velocity)
             write_row(passive_position, k, true.passive_position)
             write_row(passive_velocity, k, true.passive_velocity)
         # 3. The torque computed from it.
@@ -230,7 +222,7 @@ def compiled_loop(
                 read_row(reference.acceleration, place - late, row),
             )
             when = When(sample - late, plant.imperfections.age, dt)
-            cycle = run_cycle(control, desired, angles, rates, effort, when)
+            cycle = run_cycle(control, desired, seen.position, seen.velocity, seen.effort, when)
             torque, cause = cycle.torque, cycle.cause
             write_row(acted, k, cycle.acted)
             if complete:
@@ -245,10 +237,7 @@ def compiled_loop(
                 write_row(coupled_error, k, nothing)
         write_row(fault, k, control.memory.state.fault)
         # 4. It acts until the next state.
-        asked = torque
-        if hazards.on:
-            came, newest = commanded(hazards, sample, answered, torque, waiting)
-            asked, waiting = waited(plant, waiting, came, newest, true.position, true.velocity)
+        asked, waiting = demanded(plant, state, waiting, torque, answered, sample)
         state = step(plant, state, asked, period)
     return ClosedLoopRun(
         pose,

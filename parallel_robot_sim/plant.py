@@ -8,12 +8,20 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inlined, kernel
+from parallel_robot_model.compiler import clip, inlined, inner, kernel
 from parallel_robot_model.configuration.fields import Field, PerJoint
+from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.drive_step import flexed, keep_braked, rotors
-from parallel_robot_sim.hazards import braked, limited
+from parallel_robot_sim.hazards import Waiting, braked, commanded, limited, told, waited
 from parallel_robot_sim.noise_and_delay import sample_at
-from parallel_robot_sim.sensors_actuators import cogging, driven, held_disturbance, keep_sensed
+from parallel_robot_sim.sensors_actuators import (
+    cogging,
+    driven,
+    effort_at_stamp,
+    held_disturbance,
+    keep_sensed,
+    sensed,
+)
 
 # Fixed-step integrators of second-order motion: each takes the acceleration as a function.
 
@@ -132,6 +140,67 @@ class PlantState(NamedTuple):
     rate: Array  # their derivative, shape (c,)
     torque: Array  # motor torque of the step that ended here [N m], shape (n,)
     time: float = 0.0  # time since the start [s]
+
+
+class Seen(NamedTuple):
+    """A sample of the plant."""
+
+    true: Measurement  # joints and pose as they are
+    position: Array  # angles that are told [rad], shape (n,)
+    velocity: Array  # their rates [rad/s], shape (n,)
+    effort: Array  # torque that is told [N m], shape (n,)
+
+
+@inner
+def observe(
+    setup: PlantSetup, state: PlantState, sample: int, period: float, is_told: bool
+) -> Seen:
+    """The state of a sample as it is, and as it is told.
+
+    Args:
+        setup: The plant.
+        state: Its state.
+        sample: Index of the sample.
+        period: Of the samples [s].
+        is_told: Whether hazards leave a message of it.
+    """
+    true = setup.measure(setup.robot, state.coordinates, state.rate)
+    position, velocity, effort = true.position, true.velocity, state.torque
+    if setup.imperfections.on:
+        position, velocity = sensed(setup, true, state.time, period)
+        effort = effort_at_stamp(setup, effort, state.time, period)
+    if setup.hazards.on:
+        said = told(setup.hazards, sample, position, velocity, effort)
+        if is_told:
+            position, velocity, effort = said
+    return Seen(true, position, velocity, effort)
+
+
+@inner
+def demanded(
+    setup: PlantSetup,
+    state: PlantState,
+    waiting: Waiting,
+    command: Array,
+    arrived: bool,
+    sample: int,
+) -> tuple[Array, Waiting]:
+    """What the motors are asked for over the period after a sample [N m], shape (n,).
+
+    Args:
+        setup: The plant.
+        state: Its state.
+        waiting: What the motors know of the commands before it.
+        command: The newest one [N m], shape (n,).
+        arrived: Whether it is one for this period.
+        sample: Index of the sample.
+    """
+    if arrived and not setup.hazards.on:
+        return command, Waiting(0, waiting.held, waiting.command)
+    joints = setup.measure(setup.robot, state.coordinates, state.rate)
+    if setup.hazards.on:
+        arrived, command = commanded(setup.hazards, sample, arrived, command, waiting)
+    return waited(setup, waiting, arrived, command, joints.position, joints.velocity)
 
 
 @kernel

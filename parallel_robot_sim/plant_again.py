@@ -12,9 +12,15 @@ from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_ro
 from parallel_robot_model.configuration.fields import neutral
 from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
 from parallel_robot_sim.course import Heard, course_of
-from parallel_robot_sim.hazards import Waiting, commanded, not_waiting, told, waited
-from parallel_robot_sim.plant import PlantSetup, PlantState, step, unlimited
-from parallel_robot_sim.sensors_actuators import sensed
+from parallel_robot_sim.hazards import Waiting, not_waiting
+from parallel_robot_sim.plant import (
+    PlantSetup,
+    PlantState,
+    demanded,
+    observe,
+    step,
+    unlimited,
+)
 from trajectory_gen.trajectory import Reference
 
 
@@ -136,22 +142,12 @@ def _loop(
     row = state.torque
     joints, seen, effort = np.empty_like(torque), np.empty_like(torque), np.empty_like(torque)
     for k in range(len(torque)):
-        true = plant.measure(plant.robot, state.coordinates, state.rate)
-        if not is_finite(true.velocity):
+        now = observe(plant, state, k, period, is_told[k])
+        if not is_finite(now.true.velocity):
             return joints[:k], seen[:k], effort[:k], state
-        angles, rates = true.position, true.velocity
-        if plant.imperfections.on:
-            angles, rates = sensed(plant, true, state.time, period)
-        if plant.hazards.on:
-            said = told(plant.hazards, k, angles, rates, state.torque)
-            if is_told[k]:
-                angles = said[0]
-        write_row(joints, k, true.position)
-        write_row(seen, k, angles)
+        write_row(joints, k, now.true.position)
+        write_row(seen, k, now.position)
         write_row(effort, k, state.torque)
-        asked = read_row(torque, k, row)
-        if plant.hazards.on:
-            came, newest = commanded(plant.hazards, k, answered[k], asked, waiting)
-            asked, waiting = waited(plant, waiting, came, newest, true.position, true.velocity)
+        asked, waiting = demanded(plant, state, waiting, read_row(torque, k, row), answered[k], k)
         state = step(plant, state, asked, period)
     return joints, seen, effort, state

@@ -13,10 +13,8 @@ from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.messages.layouts import passive_names
 from parallel_robot_sim.closed_loop import ClosedLoopRun
-from parallel_robot_sim.hazards import commanded, told, waited
 from parallel_robot_sim.noise_and_delay import sample_at
-from parallel_robot_sim.plant import PlantSetup, step
-from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
+from parallel_robot_sim.plant import PlantSetup, demanded, observe, step
 
 
 class PlantCore(NamedTuple):
@@ -42,18 +40,9 @@ def take(core: Any, command: Array, arrived: bool) -> None:
         command: The newest command [N m], shape (n,).
         arrived: Whether it is one for this period.
     """
-    setup, newest = core.setup, read_row(command, 0, core.asked)
-    if arrived and not setup.hazards.on:
-        core.waiting.silent = 0
-        core.asked = newest
-        return
-    state, before = core.state, core.waiting.value
-    joints = setup.measure(setup.robot, state.coordinates, state.rate)
-    if setup.hazards.on:
-        sample = sample_at(state.time, core.period)
-        arrived, newest = commanded(setup.hazards, sample, arrived, newest, before)
-    core.asked, core.waiting.value = waited(
-        setup, before, arrived, newest, joints.position, joints.velocity
+    newest, sample = read_row(command, 0, core.asked), sample_at(core.state.time, core.period)
+    core.asked, core.waiting.value = demanded(
+        core.setup, core.state, core.waiting.value, newest, arrived, sample
     )
 
 
@@ -81,22 +70,17 @@ def tell(core: Any, stamp: int) -> bool:
     Returns:
         Whether the state has joint positions, i.e. the robot is in its workspace.
     """
-    setup, state = core.setup, core.state
-    joints = setup.measure(setup.robot, state.coordinates, state.rate)
-    angles, rates, torque = joints.position, joints.velocity, state.torque
-    if setup.imperfections.on:
-        angles, rates = sensed(setup, joints, state.time, core.period)
-        torque = effort_at_stamp(setup, torque, state.time, core.period)
-        stamp -= int(setup.imperfections.age * NANOSECONDS + 0.5)
-    if setup.hazards.on:
-        sample = sample_at(state.time, core.period)
-        angles, rates, torque = told(setup.hazards, sample, angles, rates, torque)
+    sample = sample_at(core.state.time, core.period)
+    seen = observe(core.setup, core.state.value, sample, core.period, True)
+    if core.setup.imperfections.on:
+        stamp -= int(core.setup.imperfections.age * NANOSECONDS + 0.5)
+    joints = seen.true
     core.stamp[0] = stamp // NANOSECONDS
     core.stamp[1] = stamp % NANOSECONDS
     n = len(joints.position)
-    write_row(core.position, 0, angles)
-    write_row(core.velocity, 0, rates)
-    write_row(core.effort, 0, torque)
+    write_row(core.position, 0, seen.position)
+    write_row(core.velocity, 0, seen.velocity)
+    write_row(core.effort, 0, seen.effort)
     if len(core.position) > n:
         write_row(core.position, n, joints.passive_position)
         write_row(core.velocity, n, joints.passive_velocity)

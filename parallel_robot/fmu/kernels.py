@@ -24,8 +24,7 @@ from parallel_robot_model.compiler import (
     write_at,
 )
 from parallel_robot_sim.configuration import Plant
-from parallel_robot_sim.plant import step
-from parallel_robot_sim.sensors_actuators import effort_at_stamp, sensed
+from parallel_robot_sim.plant import observe, step
 from trajectory_gen.trajectory import Reference
 
 # What a controller outside Python calls: one control cycle, its inputs and outputs in memory.
@@ -154,15 +153,13 @@ def tell_state(instance: PlantInstance) -> int:
     """Write the state to the outputs, as sensors tell it; 1 if the robot left its workspace."""
     state = instance.state.value
     setup, values, row = instance.setup, instance.values, state.torque
-    true = setup.measure(setup.robot, state.coordinates, state.rate)
-    angles, rates, effort, age = true.position, true.velocity, state.torque, 0.0
+    seen = observe(setup, state, 0, instance.period, True)
+    true, age = seen.true, 0.0
     if setup.imperfections.on:
-        angles, rates = sensed(setup, true, state.time, instance.period)
-        effort = effort_at_stamp(setup, state.torque, state.time, instance.period)
         age = setup.imperfections.age
-    write_at(values, PLANT_POSITION, angles)
-    write_at(values, PLANT_VELOCITY, rates)
-    write_at(values, PLANT_EFFORT, effort)
+    write_at(values, PLANT_POSITION, seen.position)
+    write_at(values, PLANT_VELOCITY, seen.velocity)
+    write_at(values, PLANT_EFFORT, seen.effort)
     write_at(values, JOINTS, true.position)
     write_at(values, RATES, true.velocity)
     first = PLANT_ROWS * len(row)
