@@ -68,7 +68,7 @@ def assemble(
         robot.kernel('locate', row, guess),
         prepared.law,
         asked_of(module, robot),
-        bool(getattr(module, 'MODEL', True)),  # optional in the contract
+        bool(module.MODEL),
         robot.constants,
         configuration.margins,
         losing(robot, configuration.margins, row, guess),

@@ -4,14 +4,8 @@ Joint vectors and matrices come as the vectors of :mod:`parallel_robot_model.com
 used as arrays are, element by element, but cannot be changed. A custom law that changes or slices
 them, or makes arrays of its own, gets arrays instead.
 
-A law is a module with ``Gains``, ``initial_memory(n)`` and a kernel ``update``; it is written for
-n joints and knows nothing of the robot but its model. It may have ``judge(gains)``, which returns
-warnings or raises InputError where its theory forbids a set of gains, ``judge_noise(gains, noise,
-period)``, which returns warnings for noisy rates [rad/s, rms], where that is known,
-``foreign``, see :class:`Foreign`,
-``ESTIMATOR``, the kind of estimator that it needs, ``LEVELS``, the time over which this one is to
-find noise and disturbance [s], ``PLACE = True``, if it needs the place in its feedback, and
-``MODEL = False``, if all of its torque corrects, see repetition.py. See
+A law is a module with what :class:`LawModule` has and, if need be, what :class:`Law` has defaults
+for; it is written for n joints and knows nothing of the robot but its model. See
 :mod:`parallel_robot_control.laws.s_fotsmc`.
 
 The law runs inside :mod:`parallel_robot_control.cycle`, which limits the torque and after a fault
@@ -21,6 +15,7 @@ while less is applied: see :mod:`parallel_robot_control.terms`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 from parallel_robot_model.common.units import Array, JointUnits
@@ -107,8 +102,8 @@ class Foreign(Protocol):
         """Why the last update gave no torque; empty if that is not known."""
 
 
-class Law(Protocol):
-    """A law module."""
+class LawModule(Protocol):
+    """What every law module has."""
 
     Gains: Any
 
@@ -140,3 +135,29 @@ class Law(Protocol):
         Returns:
             Torque [N m], sliding variable, coupled error [rad], memory for the next update.
         """
+
+
+class Law(LawModule):
+    """A law: what its module defines, and defaults for what it leaves out."""
+
+    TITLE: str | None = None  # in pictures and reports, where it is not the name
+    ESTIMATOR = 'none'  # the kind of estimator that it needs
+    LEVELS = 0.0  # time over which this one is to find noise and disturbance [s]
+    PLACE = False  # whether it needs the place in its feedback
+    MODEL = True  # False if all of its torque corrects, see repetition.py
+    foreign: Foreign | None = None
+
+    @classmethod
+    def of(cls, module: Any) -> Law:
+        """The law of a module."""
+        law = cls()
+        vars(law).update(vars(module))
+        return law
+
+    def judge(self, gains: Any) -> Sequence[str]:
+        """Warnings of gains; raises InputError where the theory forbids them."""
+        return ()
+
+    def judge_noise(self, gains: Any, noise: float, period: float) -> Sequence[str]:
+        """Warnings for noisy rates [rad/s, rms] and a period [s], where that is known."""
+        return ()

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, cast
+from typing import Any
 
 from parallel_robot_control.contract import Law
 from parallel_robot_control.foreign.law import is_foreign, source_of
@@ -42,10 +43,10 @@ def learn_titles(sources: Mapping[str, bytes]) -> None:
         CUSTOM_TITLES[name] = text if good else name
 
 
-def _learn_title(name: str, law: ModuleType) -> None:
+def _learn_title(name: str, law: Law) -> None:
     """Learn the title of a law that was loaded."""
     learn_titles({name: custom_module.source_of(law)})
-    given = getattr(law, 'TITLE', None)
+    given = law.TITLE
     if given in TITLES.values():
         raise InputError(f'custom_laws: {name}: TITLE {given!r} is that of a law of the suite')
     if given is not None and given != CUSTOM_TITLES[name]:
@@ -55,7 +56,9 @@ def _learn_title(name: str, law: ModuleType) -> None:
         )
 
 
+LAWS_KEY = 'custom_laws'
 NEEDED = ('Gains', 'initial_memory', 'update')
+_law = functools.cache(Law.of)  # one of each module
 
 
 def has_law_suffix(law: str) -> bool:
@@ -70,15 +73,16 @@ def load(path: str) -> tuple[str, Law]:
         path: The file; its stem is the name of the law.
 
     Returns:
-        Name and module.
+        Name and law.
 
     Raises:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
     stands_for = source_of if is_foreign(path) else None
-    name, law = custom_module.load(path, 'custom_laws', NEEDED, ('Gains',), rehearse, stands_for)
+    name, module = custom_module.load(path, LAWS_KEY, NEEDED, NEEDED[:1], rehearse, stands_for)
+    law = _law(module)
     _learn_title(name, law)
-    return name, cast(Law, law)
+    return name, law
 
 
 def rehearse(law: ModuleType) -> None:
@@ -95,8 +99,6 @@ def custom_laws(paths: Sequence[str]) -> dict[str, Law]:
 
 
 # Laws that are named by their files: Python, a C function, an FMU.
-
-LAWS_KEY = 'custom_laws'
 
 
 def is_law_file(law: str) -> bool:

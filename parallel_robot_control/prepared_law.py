@@ -156,9 +156,8 @@ def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
     Raises:
         InputError: the theory of the law forbids them.
     """
-    of_law = getattr(law, 'judge', None)  # optional in the contract
     try:
-        return tuple(f'{name}: {text}' for text in of_law(gains)) if of_law else ()
+        return tuple(f'{name}: {text}' for text in law.judge(gains))
     except InputError as error:
         raise InputError(f'{name}: {error}', name) from None
     except RAISED as error:
@@ -181,11 +180,10 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     warnings = judge(name, law, gains)
     if not hasattr(law.update, 'py_func'):
         raise InputError(f'{name}: update is not compiled: put @kernel before it')
-    foreign: Foreign | None = getattr(law, 'foreign', None)
     try:
         memory = law.initial_memory(joints)
-        if foreign is not None:
-            foreign.choose(memory, gains)
+        if law.foreign is not None:
+            law.foreign.choose(memory, gains)
         distinguish(type(gains), type(memory))
         typeof(memory)
     except InputError as error:
@@ -205,12 +203,12 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         fits, unfit = False, error
     if not fits:
         own = _with_arrays(name, law, parts, joints)
-    if name not in LAWS and foreign is None and not INTERPRETED:  # Python checks bounds itself
+    if name not in LAWS and law.foreign is None and not INTERPRETED:  # Python checks bounds itself
         warnings += law_trial.warnings_of(name, law, gains, joints)
     step = own.erased(ANY)
     why = '' if fits else reason(unfit, cast(Any, law.update).py_func)
     of_any_type = Boxed(parts.value, ANY)
-    return PreparedLaw(name, gains, parts.memory, step, of_any_type, warnings, foreign, why)
+    return PreparedLaw(name, gains, parts.memory, step, of_any_type, warnings, law.foreign, why)
 
 
 def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:

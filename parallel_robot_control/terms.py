@@ -101,7 +101,7 @@ NO_PLACE = -1  # of a law that does not ask
 
 def asked_of(law: Law, robot: RobotModel) -> int:
     """Number of the coordinates of the place, 0 to 3, that a law asks for; or NO_PLACE."""
-    return robot.place if getattr(law, 'PLACE', False) else NO_PLACE  # optional in the contract
+    return robot.place if law.PLACE else NO_PLACE
 
 
 @inner

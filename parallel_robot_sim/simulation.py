@@ -423,9 +423,8 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
     measured = kind_for(configuration.control.estimator, law) in MEASURED
     if not measured or sensor.differentiate:
         return ()
-    of_law = getattr(law, 'judge_noise', None)
     noise = float(np.max(sensor.velocity_noise))
-    if of_law is None or not noise:
+    if not noise:
         return ()
-    doubts = of_law(configuration.control.gains[name], noise, configuration.loop.period)
+    doubts = law.judge_noise(configuration.control.gains[name], noise, configuration.loop.period)
     return tuple(f'{name}: {text}' for text in doubts)

@@ -1,6 +1,8 @@
 """Every law against formulas written anew with matrices, and in the loop against its figures."""
 
 import math
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +11,14 @@ from scipy.linalg import expm, solve_continuous_are
 from vectors import on_vectors
 
 from parallel_robot_control.configuration import configure
-from parallel_robot_control.contract import Feedback, JointReference
-from parallel_robot_control.laws import LAWS, TITLES, title
+from parallel_robot_control.contract import Feedback, JointReference, Law
+from parallel_robot_control.laws import LAWS, TITLES, __path__, title
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.contract import Model
 
 VALUES = config.resolve('paper_circle')
+CONFIG = Path(__file__).parents[1] / 'config'
 DT = 1e-3
 RING = np.array([[2.0, -1.0, -1.0], [-1.0, 2.0, -1.0], [-1.0, -1.0, 2.0]])
 EDGES = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [-1.0, 0.0, 1.0]])
@@ -469,4 +472,19 @@ def test_other_laws_have_nothing_against_their_gains():
 
 def test_every_law_has_a_title_of_its_own():
     assert list(TITLES) == list(LAWS) and len(set(TITLES.values())) == len(LAWS)
+    assert all(law.TITLE for law in LAWS.values())
     assert (title('s_fotsmc'), title('my_law')) == ('S-FOTSMC', 'my_law')
+
+
+def test_the_folder_is_the_list_of_laws():
+    (folder,) = __path__
+    files = {file.stem for file in Path(folder).glob('*.py')} - {'__init__'}
+    assert {*LAWS} == files == {file.stem for file in CONFIG.glob('laws/*.yaml')}
+
+
+def test_what_a_law_leaves_out_has_a_default():
+    law, full = Law.of(SimpleNamespace(Gains=tuple)), LAWS['calm_tracking']
+    assert (law.ESTIMATOR, law.LEVELS, law.PLACE, law.MODEL) == ('none', 0.0, False, True)
+    assert not law.judge(()) and not law.judge_noise((), 1.0, 1e-3) and law.foreign is None
+    assert (full.ESTIMATOR, full.LEVELS, full.PLACE, full.MODEL) == ('kalman', 1.0, True, True)
+    assert LAWS['s_fotsmc'].judge is LAWS['fotsmc'].judge

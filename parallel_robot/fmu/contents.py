@@ -62,7 +62,7 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
         InputError: the law cannot be used.
     """
     loop, robot = configuration.loop, configuration.robot
-    if getattr(configuration.laws[loop.law], 'foreign', None) is not None:
+    if configuration.laws[loop.law].foreign:
         raise InputError(f'{loop.law} is a foreign law: an FMU is made of kernels', 'law')
     assembled = control.assemble(configuration)
     if assembled.law.arrays:

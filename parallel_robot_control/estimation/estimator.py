@@ -90,14 +90,13 @@ class Estimated(NamedTuple):
 
 def kind_for(parameters: EstimatorParameters, law: Law) -> int:
     """Number of the kind for a law: what the parameters say, or else what the law asks for."""
-    asked = getattr(getattr(law, 'foreign', law), 'ESTIMATOR', 'none')  # optional in the contract
+    asked = (law.foreign or law).ESTIMATOR
     return KINDS.index(asked if parameters.kind == KINDS[AUTO] else parameters.kind)
 
 
 def levels_for(parameters: EstimatorParameters, law: Law) -> float:
     """Time over which levels are found for a law [s]; 0 for none."""
-    asked: float = getattr(law, 'LEVELS', 0.0)  # optional in the contract
-    return asked if parameters.levels == KINDS[AUTO] else float(parameters.levels)
+    return law.LEVELS if parameters.levels == KINDS[AUTO] else float(parameters.levels)
 
 
 def settled(

@@ -7,11 +7,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Field, kernel
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_model.compiler import kernel, select
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_model.compiler import select
+
+TITLE = 'adaptive S-FOTSMC'
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
@@ -56,14 +56,7 @@ def judge_noise(gains: Gains, noise: float, period: float) -> list[str]:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: s_fotsmc.Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle: S-FOTSMC with a gain for each joint.
 
         G_i = min(G_max, slope |S_i| / (1 - |S_i| / width)),   G_max where |S_i| >= width.

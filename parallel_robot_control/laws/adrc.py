@@ -7,12 +7,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, select, solve, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_control.law import Array, ControlOutput, Field, inverse_dynamics, kernel
+from parallel_robot_model.compiler import select, solve, vector
 
+TITLE = 'ADRC'
 SLOWEST = 3.0  # w_o / w_c; Herbst (2013), Electronics 2(3), recommends 3 to 10
 
 
@@ -56,7 +54,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def observed(w_o: float, z: Observer, u: Array, position: Array, dt: float) -> Observer:
+def observed(w_o, z, u, position, dt):
     """The observer at the next sample; all three poles of its error are exp(-w_o dt).
 
     Args:
@@ -82,14 +80,7 @@ def observed(w_o: float, z: Observer, u: Array, position: Array, dt: float) -> O
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         thdd = u + f,   z = (z1, z2, z3) -> (th, thd, f)

@@ -7,12 +7,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, multiply, select, solve, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_control.law import Array, ControlOutput, Field, inverse_dynamics, kernel
+from parallel_robot_model.compiler import multiply, select, solve, vector
 
+TITLE = 'calm tracking'
 ESTIMATOR = 'kalman'
 LEVELS = 1.0  # s
 PLACE = True
@@ -39,14 +37,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         f = M (sqrt(2) b e' + b^2 e) + d

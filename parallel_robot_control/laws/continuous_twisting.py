@@ -6,12 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import ControlOutput, Field, InputError, inverse_dynamics, kernel
 from parallel_robot_control.terms import Integral, advanced, sig, unless_saturated, zero_integral
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+
+TITLE = 'continuous twisting'
 
 
 class Gains(NamedTuple):
@@ -49,14 +47,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         tau = M (thdd_d + k1 sig(e, 1/3) + k2 sig(e', 1/2) + w) + Q thd

@@ -6,13 +6,17 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import (
+    Array,
+    ControlOutput,
+    Field,
+    InputError,
+    inverse_dynamics,
+    kernel,
+)
 from parallel_robot_control.terms import saturate, sig
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+
+TITLE = 'fixed-time SMC'
 
 
 class Gains(NamedTuple):
@@ -44,14 +48,7 @@ def initial_memory(joints: int) -> Array:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Array,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e' + sig(sig(e', 2) + alpha1 e + beta1 sig(e, 3), 1/2)

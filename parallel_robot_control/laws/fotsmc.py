@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Field, kernel
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
+
+TITLE = 'FOTSMC'
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
@@ -27,14 +26,7 @@ class Gains(NamedTuple):
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: s_fotsmc.Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle: S-FOTSMC with lambda = 0.
 
     Source:

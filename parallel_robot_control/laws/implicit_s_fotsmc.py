@@ -2,27 +2,20 @@
 
 from __future__ import annotations
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import kernel
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.laws.s_fotsmc import Gains as Gains
-from parallel_robot_control.laws.s_fotsmc import Memory
 from parallel_robot_control.terms import Integral, unless_saturated
-from parallel_robot_model.compiler import clip, kernel, multiply
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_model.compiler import clip, multiply
 
+TITLE = 'implicit S-FOTSMC'
+
+Gains = s_fotsmc.Gains
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         tau_sw += clip(S, -dt (G + g), dt (G + g)),   all else as in S-FOTSMC

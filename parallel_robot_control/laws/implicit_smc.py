@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, kernel, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_control.law import Array, ControlOutput, Field, inverse_dynamics, kernel
+from parallel_robot_model.compiler import clip, vector
+
+TITLE = 'implicit SMC'
 
 
 class Gains(NamedTuple):
@@ -24,14 +23,7 @@ def initial_memory(joints: int) -> Array:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Array,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e' + z e

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Array, ControlOutput, inverse_dynamics, kernel
 from parallel_robot_control.laws.super_twisting import Gains as Gains
 from parallel_robot_control.terms import unless_saturated
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, kernel, select, vector
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_model.compiler import clip, select, vector
+
+TITLE = 'implicit super-twisting'
 
 
 class Memory(NamedTuple):
@@ -26,14 +26,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e' + z e,   w += dt k2 sgn(s)

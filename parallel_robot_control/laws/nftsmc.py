@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Array, ControlOutput, Field, inverse_dynamics, kernel
 from parallel_robot_control.terms import saturate, sig
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_model.compiler import vector
+
+TITLE = 'NFTSMC'
 
 
 class Gains(NamedTuple):
@@ -51,7 +50,7 @@ def initial_memory(joints: int) -> Array:
 
 
 @kernel
-def classical(gains: Any, e: Array, e_dot: Array) -> tuple[Array, Array]:
+def classical(gains, e, e_dot):
     """The classical surface S and its w, see :func:`update`, of any errors, each shape (n,).
 
     Args:
@@ -66,14 +65,7 @@ def classical(gains: Any, e: Array, e_dot: Array) -> tuple[Array, Array]:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Array,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         printed    S = e' + Gamma1 sig(e, gamma1) + Gamma2 sig(e, gamma2)

@@ -12,26 +12,19 @@ other through M alone in the covariances, and friction by the sign of the desire
 
 from __future__ import annotations
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import ControlOutput, kernel
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.laws.s_fotsmc import Gains, Memory, initial_memory, judge
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.robots.contract import Model
 
-__all__ = ['ESTIMATOR', 'Gains', 'Memory', 'initial_memory', 'judge', 'update']
-
+TITLE = 'observer S-FOTSMC'
 ESTIMATOR = 'kalman'
+
+Gains = s_fotsmc.Gains
+initial_memory = s_fotsmc.initial_memory
+judge = s_fotsmc.judge
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         tau = M (thdd_d + M^-1 Q thd + lambda De' + w + tau_sw) + d,   tau_sw' = (G + g) sgn(S)

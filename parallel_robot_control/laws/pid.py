@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import ControlOutput, Field, kernel
 from parallel_robot_control.terms import Integral, advanced, unless_saturated, zero_integral
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
 
+TITLE = 'PID'
 MODEL = False
 
 
@@ -33,14 +31,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle: Kp e + Ki int e dt + Kd e'.
 
     Returns:

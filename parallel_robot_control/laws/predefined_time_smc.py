@@ -6,12 +6,11 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Array, ControlOutput, Field, inverse_dynamics, kernel
 from parallel_robot_control.terms import saturate, sig
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, select, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+from parallel_robot_model.compiler import select, vector
+
+TITLE = 'predefined-time SMC'
 
 
 class Gains(NamedTuple):
@@ -31,20 +30,13 @@ def initial_memory(joints: int) -> Array:
 
 
 @kernel
-def settling(x: Array, p: float, T: float) -> Array:
+def settling(x, p, T):
     """The f of x' = -f(x), which is at zero after T [s] from wherever it begins, shape (n,)."""
     return np.exp(np.abs(x) ** p) * sig(x, 1.0 - p) / (p * T)
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Array,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         f(x, T) = exp(|x|^p) sig(x, 1-p) / (p T)

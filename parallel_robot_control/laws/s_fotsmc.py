@@ -6,7 +6,14 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import (
+    Array,
+    ControlOutput,
+    Field,
+    InputError,
+    inverse_dynamics,
+    kernel,
+)
 from parallel_robot_control.terms import (
     Integral,
     advanced,
@@ -16,12 +23,8 @@ from parallel_robot_control.terms import (
     unless_saturated,
     zero_integral,
 )
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
 
+TITLE = 'S-FOTSMC'
 ROUNDING = 0.005  # of gamma2, which the paper rounds to two digits
 
 
@@ -82,14 +85,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def without_switching(
-    gains: Any,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def without_switching(gains, model, reference, feedback, memory, dt):
     """The law without the rate of tau_sw, for any gains with lambda_, Gamma and gamma."""
     De = coupling(reference.position - feedback.position)
     De_dot = coupling(reference.velocity - feedback.velocity)
@@ -97,16 +93,7 @@ def without_switching(
 
 
 @kernel
-def with_coupling(
-    gains: Any,
-    De: Array,
-    De_dot: Array,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def with_coupling(gains, De, De_dot, model, reference, feedback, memory, dt):
     """The law without the rate of tau_sw, with the coupling De [rad] and its rate De_dot [rad/s].
 
     Both have shape (n,); all other arguments are those of :func:`update`.
@@ -137,14 +124,14 @@ def with_coupling(
 
 
 @kernel
-def switched(output: ControlOutput, rate: Array, excess: Array) -> ControlOutput:
+def switched(output, rate, excess):
     """The output with a rate of tau_sw [rad/s^3], zero where the torque is saturated."""
     switching = Integral(output.memory.switching.value, unless_saturated(rate, excess))
     return with_switching(output, output.torque, switching)
 
 
 @kernel
-def with_switching(output: ControlOutput, torque: Array, switching: Integral) -> ControlOutput:
+def with_switching(output, torque, switching):
     """The output with another torque [N m], shape (n,), and another integral tau_sw."""
     memory = output.memory
     return ControlOutput(
@@ -156,14 +143,7 @@ def with_switching(output: ControlOutput, torque: Array, switching: Integral) ->
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e_c'' + w,   w = Gamma2 sig(e_c', gamma2) + Gamma1 sig(e_c, gamma1)

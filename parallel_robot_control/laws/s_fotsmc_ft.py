@@ -6,13 +6,12 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Field, kernel
 from parallel_robot_control.laws import s_fotsmc
 from parallel_robot_control.terms import sig
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, select
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_model.compiler import select
+
+TITLE = 'S-FOTSMC-FT'
 
 initial_memory = s_fotsmc.initial_memory
 judge = s_fotsmc.judge
@@ -33,38 +32,31 @@ class Gains(NamedTuple):
 
 
 @kernel
-def _edges(error: Array) -> Array:
+def _edges(error):
     """e_i - e_(i+1) around the ring, shape (n,)."""
     return error - np.roll(error, -1)
 
 
 @kernel
-def _gather(edge: Array) -> Array:
+def _gather(edge):
     """edge_i - edge_(i-1), shape (n,); its sum is zero whatever the edges are."""
     return edge - np.roll(edge, 1)
 
 
 @kernel
-def _root(x: Array, p: float, clip: float) -> Array:
+def _root(x, p, clip):
     """sig(x, p), linear where |x| < clip so that its slope stays finite, shape (n,)."""
     return select(np.abs(x) < clip, clip ** (p - 1.0) * x, sig(x, p))
 
 
 @kernel
-def _root_slope(x: Array, p: float, clip: float) -> Array:
+def _root_slope(x, p, clip):
     """Derivative of :func:`_root`, shape (n,)."""
     return select(np.abs(x) < clip, clip ** (p - 1.0), p * np.abs(x) ** (p - 1.0))
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: s_fotsmc.Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle: S-FOTSMC, its coupling edge by edge.
 
         De_i = sig(e_s,i, p) - sig(e_s,(i-1), p),   e_s,i = e_i - e_(i+1).

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, NamedTuple
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import ControlOutput, Field, inverse_dynamics, kernel
 from parallel_robot_control.terms import (
     Integral,
     advanced,
@@ -13,9 +13,8 @@ from parallel_robot_control.terms import (
     unless_any_saturated,
     zero_integral,
 )
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+
+TITLE = 'S-SMC'
 
 
 class Gains(NamedTuple):
@@ -41,14 +40,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e~_c' + z e~_c,   e~_c = e~ + lambda int De~ dt,   e~ = theta - theta_d

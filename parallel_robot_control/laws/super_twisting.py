@@ -6,11 +6,10 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import ControlOutput, Field, inverse_dynamics, kernel
 from parallel_robot_control.terms import Integral, advanced, sig, unless_saturated, zero_integral
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model, inverse_dynamics
+
+TITLE = 'super-twisting'
 
 
 class Gains(NamedTuple):
@@ -33,14 +32,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         S   = e' + z e

@@ -6,7 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
+from parallel_robot_control.law import Array, ControlOutput, Field, InputError, kernel
 from parallel_robot_control.laws.nftsmc import classical
 from parallel_robot_control.laws.tdc import unexplained
 from parallel_robot_control.terms import (
@@ -17,12 +17,9 @@ from parallel_robot_control.terms import (
     unless_any_saturated,
     zero_integral,
 )
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel, vector
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_model.compiler import vector
 
+TITLE = 'Syn-TDE-NFTSMC'
 MODEL = False
 
 
@@ -72,14 +69,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         e_c = e + lambda int De dt

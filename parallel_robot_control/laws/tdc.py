@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.contract import ControlOutput, Feedback, JointReference
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import kernel
-from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.robots.contract import Model
+from parallel_robot_control.law import Array, ControlOutput, Field, InputError, kernel
 
+TITLE = 'TDC'
 MODEL = False
 
 
@@ -56,7 +52,7 @@ def initial_memory(joints: int) -> Memory:
 
 
 @kernel
-def unexplained(inertia: float, feedback: Feedback, memory: Any, dt: float) -> Array:
+def unexplained(inertia, feedback, memory, dt):
     """N_k: what the torque of the last interval was for besides Mbar thdd [N m], shape (n,).
 
     Args:
@@ -71,14 +67,7 @@ def unexplained(inertia: float, feedback: Feedback, memory: Any, dt: float) -> A
 
 
 @kernel
-def update(
-    gains: Gains,
-    model: Model,
-    reference: JointReference,
-    feedback: Feedback,
-    memory: Memory,
-    dt: float,
-) -> ControlOutput:
+def update(gains, model, reference, feedback, memory, dt):
     """Compute the joint torque of one control cycle.
 
         Mbar thdd + N = tau,   N_k = tau_(k-1) - Mbar (thd_k - thd_(k-1)) / dt

@@ -240,9 +240,10 @@ def blaming(what: str) -> Iterator[None]:
         raise InputError(f'{what}: {first_line(error)}') from error
 
 
-def source_of(module: ModuleType) -> bytes:
-    """Source of a module that was loaded; its file may no longer exist."""
-    return next(source for (_, source), loaded in _loaded.items() if loaded is module)
+def source_of(made: Any) -> bytes:
+    """Source of what was made of a module that was loaded; its file may no longer exist."""
+    name = made.__name__
+    return next(source for (_, source), module in _loaded.items() if module.__name__ == name)
 
 
 def hold(file: Path, source: bytes) -> None:

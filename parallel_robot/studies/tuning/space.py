@@ -195,12 +195,11 @@ def space_of(
     varied: dict[str, Range | Choice] = {}
     fixed: dict[str, Any] = {}
     # Not of a law that has only copied the surface: its own theory may differ.
-    foreign = getattr(law, 'foreign', None) is not None
-    coupled = getattr(law, 'judge', None) is s_fotsmc.judge and 'gamma2' not in given
+    coupled = law.judge is s_fotsmc.judge and 'gamma2' not in given
     for key, value in default.items():
         if coupled and key == 'gamma2':
             continue
-        if foreign and key in Gains._fields and key not in given:  # it is how long we wait
+        if law.foreign and key in Gains._fields and key not in given:  # it is how long we wait
             fixed[key] = value
             continue
         zero = not objection(judged, law, {**default, key: 0.0}, joints)
