@@ -14,7 +14,7 @@ Usage: python benchmarks/calibration.py [robots [poses [name ...]]]
 from __future__ import annotations
 
 import sys
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import checkout  # noqa: F401 finds the suite
 import numpy as np
@@ -133,10 +133,10 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
 
 def movable(robot: RobotModel, chosen: Designed) -> tuple[pose_model.Number, ...]:
     """What of a robot is off: of a machine all, also what poses do not show."""
-    module: Any = robot.module
-    if not hasattr(module, 'geometry'):
+    geometry = robot.module.geometry
+    if geometry is None:
         return pose_model.find_numbers(robot, chosen.position, chosen.poses)
-    key, names, unit = module.geometry(robot.parameters)
+    key, names, unit = geometry(robot.parameters)
     return tuple(pose_model.Number(key, k, unit) for k in range(len(names)))
 
 

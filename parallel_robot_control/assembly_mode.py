@@ -38,7 +38,7 @@ def losing(robot: RobotModel, margins: Any, position: Array, guess: Array) -> in
         position: Any joint angles [rad], shape (n,).
         guess: Any pose, shape (m,).
     """
-    faults = getattr(robot.module, 'NO_POSE', None)
+    faults = robot.module.NO_POSE
     if faults is None:
         one, other = (
             robot.module.estimate(robot.constants, margins, position, 0.0 * position, near).pose
@@ -85,9 +85,6 @@ class AssemblyModes:
 
     def by_passive_joints(self, data: bytes) -> Array | None:
         """The pose that all joints in a state message tell, shape (m,); None without."""
-        tells = getattr(self._robot.module, 'pose_with', None)
-        if tells is None:
-            return None
         try:
             message = Reader(data)
             message.header()
@@ -97,7 +94,7 @@ class AssemblyModes:
         except (KeyError, ValueError):  # not among them
             return None
         position = measured - self._zero_angle
-        pose: Array = tells(self._robot.parameters, position, passive)
+        pose = self._robot.module.pose_with(self._robot.parameters, position, passive)
         return self.near(position, pose) if np.isfinite(pose).all() else None
 
     def is_as(self, guess: Sequence[float], position: Array, pose: Array) -> bool:

@@ -32,9 +32,9 @@ from parallel_robot_model.robots.planar_3rrr.forward_kinematics import (
     NOT_CONVERGED,
 )
 from parallel_robot_model.robots.poses import poses_of
-from parallel_robot_model.robots.registry import RobotModel
+from parallel_robot_model.robots.registry import ROBOTS, RobotModel
 
-MODEL = RobotModel('planar_3rrr', planar_3rrr, ROBOT)
+MODEL = RobotModel('planar_3rrr', ROBOTS['planar_3rrr'], ROBOT)
 MIRRORED = ROBOT._replace(working_mode=(-1.0, -1.0, -1.0))
 MIXED = ROBOT._replace(working_mode=(1.0, -1.0, 1.0))
 COLLINEAR = ROBOT._replace(base_x=(0.0, 1.0, 0.5), base_y=(0.0, 0.0, 0.0))

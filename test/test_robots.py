@@ -9,7 +9,7 @@ import yaml
 from vectors import OnVectors, on_vectors
 
 from parallel_robot_model.configuration.fields import build, parameters
-from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion
+from parallel_robot_model.robots.contract import FOUND, REACHED, PoseMotion, Robot
 from parallel_robot_model.robots.joint_load import (
     DisturbanceParameters,
     FrictionParameters,
@@ -274,3 +274,12 @@ def test_the_motion_in_the_file_of_a_robot_is_feasible(file):
         start, end = (np.array(values['move'][key]) for key in ('start', 'end'))
         poses = start + share * (end - start)
     assert robot.infeasible(own, limits, reference(robot, own, poses)) == []
+
+
+def test_what_a_robot_leaves_out_has_a_default():
+    robot = Robot.of(SimpleNamespace(PLANAR=True, estimate='kernel'))
+    assert robot.constants('own') == 'own' and robot.planar(()) and robot.ahead == 'kernel'
+    assert robot.units(()) == robot.doubts(()) == robot.margins((), ()) == ()
+    assert robot.home(()) is robot.NO_POSE is robot.linear_model is robot.tree is None
+    assert np.isnan(robot.pose_with((), (), ())).all() and not robot.OWN_MEMORY
+    assert MODULES['planar_3rrr'].NO_POSE and MODULES['planar_3rrr'].tree is not None

@@ -121,7 +121,7 @@ def as_poses(robot: RobotModel, numbers: Sequence[float]) -> tuple[float, ...]:
         InputError: the robot has no such poses, or a point is none.
     """
     axes = tuple(axis.name for axis in robot.module.coordinates(robot.parameters))
-    orientations = getattr(robot.module, 'orientations', None)
+    orientations = robot.module.orientations
     if axes != AXES or orientations is None:
         raise InputError(
             f'quaternions need a pose of {", ".join(AXES)}; that of {robot.name} is '

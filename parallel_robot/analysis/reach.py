@@ -286,9 +286,8 @@ def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Regi
 
 
 def _traced(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach:
-    module: Any = robot.module
-    if hasattr(module, 'trace'):
-        return module.trace(robot.parameters, poses, first)
+    if robot.module.trace is not None:
+        return robot.module.trace(robot.parameters, poses, first)
     return _connected(robot, poses, first)
 
 
@@ -301,11 +300,10 @@ def _connected(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach
 
     shape, module = poses.shape[:2], robot.module
     reference = joints_at(robot, poses.reshape(-1, poses.shape[-1]))
-    own: Any = getattr(module, 'margins', lambda parameters, reference: ())
     with np.errstate(invalid='ignore'):  # where it does not reach
-        margins = own(robot.parameters, reference)
+        given = module.margins(robot.parameters, reference)
     known = (reference.out_of_reach == REACHED).reshape(shape)
-    margins = [each._replace(values=each.values.reshape(shape)) for each in margins]
+    margins = [each._replace(values=each.values.reshape(shape)) for each in given]
     for each in margins:
         known &= np.sign(each.values) == np.sign(each.values[first])
     parts, _ = label(known)

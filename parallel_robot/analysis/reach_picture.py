@@ -58,13 +58,13 @@ def plane_and_scenery(configuration: Configuration, plane: str = '') -> tuple[Pl
     """
     trajectory, values = configuration.trajectory, configuration.values
     robot = trajectory.robot
-    module: Any = robot.module
+    module = robot.module
     coordinates = module.coordinates(robot.parameters)
     if not robot.place:
         names = ', '.join(axis.name for axis in coordinates)
         raise InputError(f'the pose of {robot.name} is no place: {names}; it has no workspace')
     path = trajectory.poses(preflight.grid(trajectory, configuration.loop.period)).pose
-    home = module.home(robot.parameters) if hasattr(module, 'home') else None
+    home = module.home(robot.parameters)
     if plane:
         center = center_of(values, robot)
         chosen = named_plane(robot, plane, _reached(robot, center, path[0], home))

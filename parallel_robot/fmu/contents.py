@@ -268,9 +268,5 @@ def loop_contents(configuration: Configuration) -> Contents:
 
 def of_robot(robot: RobotModel, prefix: str, boxed: Boxed) -> list[Variable]:
     """Variables of the parameters of a robot."""
-    module: Any = robot.module
-    make = getattr(module, 'constants', lambda parameters: parameters)
-    own = getattr(module, 'OWN_MEMORY', False)
-    return list(
-        of_group(robot.parameters, prefix, boxed, None if own else make, robot.joint_units)
-    )
+    make = None if robot.module.OWN_MEMORY else robot.module.constants
+    return list(of_group(robot.parameters, prefix, boxed, make, robot.joint_units))

@@ -1,9 +1,10 @@
 """What a robot provides to the rest of the suite: the interface between machine and suite.
 
-A robot is a module, or a package, with the attributes of :class:`Robot`. Its kernels take its
-``constants`` and vectors (see :mod:`parallel_robot_model.compiler`), whose size is known when
-they are compiled; n is the number of its actuated joints, m that of the coordinates of its pose.
-Of all this, the laws see only the :class:`Model`.
+A robot is a module, or a package, with what :class:`RobotModule` has and, if need be, what
+:class:`Robot` has defaults for. Its kernels take its ``constants`` and vectors (see
+:mod:`parallel_robot_model.compiler`), whose size is known when they are compiled; n is the number
+of its actuated joints, m that of the coordinates of its pose. Of all this, the laws see only the
+:class:`Model`.
 
 The plant integrates coordinates that the robot chooses: minimal ones, in which its equations
 of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial arm its joints.
@@ -11,7 +12,8 @@ of motion are simplest. Those of the 3-RRR robot are its pose, those of a serial
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -221,26 +223,8 @@ def place_of(axes: Sequence[Coordinate], planar: bool) -> int:
     return len('xyz') if [axis.name for axis in axes[:3]] == ['x', 'y', 'z'] else 0
 
 
-class Robot(Protocol):
-    """A robot module.
-
-    It may have ``constants(parameters)``: what its kernels take in place of the parameters, i.e.
-    all that follows from these alone; ``NO_POSE``: those of its FAULTS at which `estimate` has no
-    trustworthy pose, without it all of them, or none where the pose does not depend on the guess;
-    ``pose_with(parameters, position, passive)``: the pose at all measured joints, shape (m,), NaN
-    where they contradict each other; ``planar(parameters)`` in place of PLANAR;
-    ``units(parameters)``: the unit of each actuated joint, 'rad' or 'm', without it rad;
-    ``orientations(parameters, poses)``: quaternions of the end effector of a robot in space;
-    ``margins(parameters, reference)``: distances from singularities along a motion, see
-    :class:`Margin`; ``trace(parameters, poses, first)``: what of a grid of poses, shape
-    (rows, columns, m), it reaches from one of them, see :class:`Reach`, where joints of a pose
-    depend on the way; ``home(parameters)``: the pose from which motions are traced then;
-    ``geometry(parameters)``, a Geometry, and ``pose_slopes(parameters, position, poses)``: the
-    derivatives of poses by the actuated joints, then by its numbers, shape (N, m, ...);
-    ``ahead``: a kernel as `estimate`, which may be less exact, for states that are only judged;
-    ``doubts(parameters)``: what is doubtful in its file, lines of text;
-    ``OWN_MEMORY``: whether its kernels keep something in the constants, which everybody then has
-    for himself.
+class RobotModule(Protocol):
+    """What every robot module has.
 
     Attributes:
         Parameters: NamedTuple of the parameters ``robot.*``, nominal, and ``true_robot.*``.
@@ -324,6 +308,64 @@ class Robot(Protocol):
         """
 
 
+class Robot(RobotModule):
+    """A robot: what its module defines, and defaults for what it leaves out."""
+
+    DEFAULTS: Mapping[str, Any] = MappingProxyType({})  # of its keys, see registry.default_values
+    Constants: Any = None  # class of its constants, if they are not the parameters
+    OWN_MEMORY = False  # whether its kernels keep something there, which each user has for himself
+    # FAULTS at which `estimate` has no trustworthy pose; without it all of them, or none where the
+    # pose does not depend on the guess
+    NO_POSE: Collection[int] | None = None
+    ahead: Any  # kernel as `estimate`, which may be less exact, for states that are only judged
+    tree: Any = None  # its links, see tree.py
+    linear_model: LinearModel | None = None
+    # of parameters and poses: quaternions of the end effector of a robot in space
+    orientations: Callable[[Any, Array], Array] | None = None
+    # what of a grid of poses, shape (rows, columns, m), it reaches from one of them, where joints
+    # of a pose depend on the way
+    trace: Callable[[Any, Array, tuple[int, int]], Reach] | None = None
+    # of parameters, joints and poses: derivatives of the poses by the actuated joints, then by the
+    # numbers of `geometry`, shape (N, m, ...)
+    pose_slopes: Callable[[Any, Array, Array], Array] | None = None
+    geometry: Callable[[Any], Geometry] | None = None
+
+    @classmethod
+    def of(cls, module: RobotModule) -> Robot:
+        """The robot of a module."""
+        robot = cls()
+        vars(robot).update({'ahead': module.estimate} | vars(module))
+        return robot
+
+    def constants(self, parameters: Any, /) -> Any:
+        """What its kernels take: all that follows from the parameters alone."""
+        return parameters
+
+    def planar(self, parameters: Any, /) -> bool:
+        """PLANAR, of a robot where it depends on the parameters."""
+        return self.PLANAR
+
+    def units(self, parameters: Any, /) -> tuple[str, ...]:
+        """Unit of each actuated joint, 'rad' or 'm'; empty if all are rad."""
+        return ()
+
+    def doubts(self, parameters: Any, /) -> tuple[str, ...]:
+        """What is doubtful in its file, lines of text."""
+        return ()
+
+    def margins(self, parameters: Any, reference: Any, /) -> tuple[Margin, ...]:
+        """Distances from singularities along a motion."""
+        return ()
+
+    def home(self, parameters: Any, /) -> Array | None:
+        """The pose from which motions are traced, if `trace` needs one."""
+        return None
+
+    def pose_with(self, parameters: Any, position: Array, passive: Array, /) -> Array:
+        """The pose at all measured joints, shape (m,); NaN where they contradict each other."""
+        return np.array([np.nan])
+
+
 # By how much an end effector in space is turned from where it should be.
 
 PLACE = ('x', 'y', 'z')
@@ -364,8 +406,7 @@ def _quaternions(poses: Array, turns: Sequence[int]) -> tuple[Array, Array]:
 
 # Equations of motion written as linear in their parameters: what identification needs of a robot.
 #
-# A robot module may have an attribute ``linear_model`` of this kind; without it, the robot cannot
-# be identified. The functions are NumPy, not kernels.
+# A robot without a ``linear_model`` of this kind cannot be identified. Its functions are NumPy.
 
 
 class Known(NamedTuple):

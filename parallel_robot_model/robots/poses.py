@@ -35,7 +35,7 @@ def poses_of(
     joints = np.ascontiguousarray(position, dtype=np.float64)
     row, start = vector(np.zeros(joints.shape[1])), vector(guess)
     locate = robot.kernel('locate', row, start)
-    faults = getattr(robot.module, 'NO_POSE', None) if any_mode else None
+    faults = robot.module.NO_POSE if any_mode else None
     if faults == ():
         return _all_poses(locate, robot.constants, joints, row, start)
     poses, failed, fault = _poses(locate, robot.constants, joints, row, start)

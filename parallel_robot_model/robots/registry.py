@@ -7,7 +7,7 @@ import functools
 import warnings
 from collections.abc import Mapping, Sequence
 from types import ModuleType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from numba import types
 
@@ -42,18 +42,19 @@ from parallel_robot_model.robots.contract import (
     Location,
     Measurement,
     Robot,
+    RobotModule,
     place_of,
     turns_of,
 )
 from parallel_robot_model.robots.joint_load import DisturbanceParameters, FrictionParameters
 
-ROBOTS: dict[str, Robot] = {
-    'planar_3rrr': planar_3rrr,
-    'axes': axes,
-    'serial_2r': serial_2r,
+ROBOTS = {
+    'planar_3rrr': Robot.of(planar_3rrr),
+    'axes': Robot.of(axes),
+    'serial_2r': Robot.of(serial_2r),
 }
 for _robot in ROBOTS.values():  # before a kernel takes a tuple of one
-    distinguish(getattr(_robot, 'Constants', _robot.Parameters), _robot.SafetyMargins)
+    distinguish(_robot.Constants or _robot.Parameters, _robot.SafetyMargins)
 
 KERNELS: dict[str, type] = {  # and what they return
     'joint_motion': JointMotion,
@@ -66,7 +67,8 @@ OF_JOINTS = ('position', 'velocity', 'acceleration', 'M', 'Q', 'gravity')  # wha
 SEE = ' (docs/robots.md, vectors)'
 SHOWN = 3  # doubts of a machine, each in a line
 GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
-NEEDED = tuple(name for name in [*Robot.__annotations__, *vars(Robot)] if name[0] != '_')
+NEEDED = tuple(n for n in [*RobotModule.__annotations__, *vars(RobotModule)] if n[0] != '_')
+_robot_of = functools.cache(Robot.of)  # one of each module
 
 
 class RobotModel(NamedTuple):
@@ -82,8 +84,7 @@ class RobotModel(NamedTuple):
 
         Those of a robot with OWN_MEMORY are new ones each time.
         """
-        own = getattr(self.module, 'OWN_MEMORY', False)
-        return _constants.__wrapped__(self) if own else _constants(self)
+        return _constants.__wrapped__(self) if self.module.OWN_MEMORY else _constants(self)
 
     @property
     def place(self) -> int:
@@ -100,10 +101,7 @@ class RobotModel(NamedTuple):
     @property
     def joint_units(self) -> JointUnits:
         """Units of its actuated joints: rad and N m, or m and N of slides."""
-        units = getattr(self.module, 'units', None)  # optional in the contract
-        if units is None:
-            return HINGES
-        return JointUnits(tuple(unit == 'm' for unit in units(self.parameters)))
+        return JointUnits(tuple(unit == 'm' for unit in self.module.units(self.parameters)))
 
     @property
     def turns(self) -> tuple[int, ...]:
@@ -113,8 +111,7 @@ class RobotModel(NamedTuple):
     @property
     def planar(self) -> bool:
         """Whether its pose is a place in a plane, see PLANAR in the contract."""
-        planar = getattr(self.module, 'planar', None)  # of a robot where it depends on parameters
-        return bool(self.module.PLANAR if planar is None else planar(self.parameters))
+        return bool(self.module.planar(self.parameters))
 
     @property
     def pose_size(self) -> int:
@@ -139,13 +136,12 @@ class RobotModel(NamedTuple):
         Args:
             name: Key of KERNELS.
             example: Its arguments after the constants, for their types.
-            instead: A kernel that is optional in the contract, which is taken where there is one.
+            instead: A kernel with the same result that is taken.
 
         Raises:
             InputError: the kernel of a custom robot does not compile or returns something else.
         """
-        own: Any = getattr(self.module, name)
-        function = getattr(self.module, instead, own) if instead else own
+        function: Any = getattr(self.module, instead or name)
         if not hasattr(function, 'py_func'):
             raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
         try:
@@ -195,9 +191,8 @@ def _constants(robot: RobotModel) -> Boxed:
 
 
 def _unboxed(robot: RobotModel) -> Any:
-    made = getattr(robot.module, 'constants', None)  # optional in the contract
     with custom_module.blaming(robot.name):
-        return made(robot.parameters) if made else robot.parameters
+        return robot.module.constants(robot.parameters)
 
 
 def robots(paths: Sequence[str]) -> dict[str, Robot]:
@@ -212,11 +207,11 @@ def robots(paths: Sequence[str]) -> dict[str, Robot]:
     return ROBOTS | custom_robots(paths)
 
 
-def custom_robots(paths: Sequence[str]) -> dict[str, Any]:
+def custom_robots(paths: Sequence[str]) -> dict[str, Robot]:
     """Custom robots by name, see :func:`robots`."""
-    return dict(
-        custom_module.load(path, 'custom_robots', NEEDED, GROUPS, rehearse) for path in paths
-    )
+    needed = 'custom_robots', NEEDED, GROUPS, rehearse
+    loaded = (custom_module.load(path, *needed) for path in paths)
+    return {name: _robot_of(module) for name, module in loaded}
 
 
 def module_of(loop: LoopParameters) -> Robot:
@@ -258,7 +253,7 @@ def robot_with(
     if count != len(names):
         what = f'joints must be {count} names, one for each joint, not {list(names)}'
         raise InputError(what, 'joints')
-    _tell(loop.robot_model, getattr(module, 'doubts', lambda robot: ())(robot))
+    _tell(loop.robot_model, module.doubts(robot))
     return RobotModel(loop.robot_model, module, robot)
 
 
@@ -274,26 +269,25 @@ def _tell(name: str, doubts: tuple[str, ...]) -> None:
 
 def rehearse(module: ModuleType) -> None:
     """Call what a robot has in Python; what it raises is reported where it is called again."""
-    robot_module: Any = module
     with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', TRIAL_LIMIT):
-        parameters = group(default_values('it', robot_module), robot_module.Parameters, 'robot')
-        robot = RobotModel('it', robot_module, robot_module.validate(parameters, 'robot'))
-        robot_module.joints(robot.parameters), robot.pose_size
+        made = Robot.of(cast(Any, module))
+        parameters = group(default_values('it', made), made.Parameters, 'robot')
+        robot = RobotModel('it', made, made.validate(parameters, 'robot'))
+        made.joints(robot.parameters), robot.pose_size
         _unboxed(robot)  # to box them takes the compiler, whose time is not the file's
 
 
-def default_values(name: str, robot: Any) -> dict[str, Any]:
+def default_values(name: str, robot: Robot) -> dict[str, Any]:
     """Defaults by key of a custom robot.
 
     It has them in its ``DEFAULTS``, flat or in groups, as the files in config/robots; those of
     its parameters may stand in ``Parameters`` instead.
     """
-    given = getattr(robot, 'DEFAULTS', {})
+    given = robot.DEFAULTS
     if not isinstance(given, Mapping):
         raise InputError(f'{name}: DEFAULTS must be a dictionary, not {given!r}')
     given = config.flat(given)
-    known = getattr(robot.Parameters, '_field_defaults', {})
-    if len(known) == len(robot.Parameters._fields):
+    if len(robot.Parameters._field_defaults) == len(robot.Parameters._fields):
         given = defaults(robot.Parameters, 'robot.') | given
     return given
 

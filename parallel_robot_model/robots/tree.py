@@ -74,14 +74,13 @@ def needs_pose(robot: RobotModel) -> bool:
 
 def has_tree(robot: RobotModel) -> bool:
     """Whether a robot has links and angles."""
-    return hasattr(robot.module, 'tree')
+    return robot.module.tree is not None
 
 
 def _tree(robot: RobotModel) -> Any:
     if not has_tree(robot):
         raise InputError(f'{robot.name} says nothing of its links: it has no tree (docs/views.md)')
-    module: Any = robot.module
-    return module.tree
+    return robot.module.tree
 
 
 # The description of a robot that RViz, Foxglove, MuJoCo and others read: URDF.

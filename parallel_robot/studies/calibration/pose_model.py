@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,12 +46,11 @@ def find_numbers(robot: RobotModel, position: Array, poses: Array) -> tuple[Numb
         poses: Their poses, shape (N, m).
     """
     rows = np.unique(np.linspace(0, len(position) - 1, LOOKED_AT).astype(int))
-    module: Any = robot.module
-    exact = getattr(module, 'pose_slopes', None)  # optional in the contract
-    if exact is not None:
+    exact, geometry = robot.module.pose_slopes, robot.module.geometry
+    if exact is not None and geometry is not None:
         slopes = exact(robot.parameters, position[rows], poses[rows])[:, :, position.shape[1] :]
         moved = CHANGE * np.abs(slopes).max(axis=(0, 1)) > COUNTS
-        key, names, unit = module.geometry(robot.parameters)
+        key, names, unit = geometry(robot.parameters)
         return tuple(Number(key, int(k), unit, names[k]) for k in np.flatnonzero(moved))
     locate, found = Locator(robot), []
     for number in _numbers(robot):
@@ -323,7 +322,7 @@ class PoseModel:
 
     def _pose_slopes(self, values: Array, poses: Array, known: Collection[int]) -> Array:
         """Derivatives of the poses by geometry and zero angles, shape (N, m, P)."""
-        exact = getattr(self.robot.module, 'pose_slopes', None)  # optional in the contract
+        exact = self.robot.module.pose_slopes
         if exact is not None:
             robot, n = self.robot_with(values), self.track.position.shape[1]
             slopes = exact(robot.parameters, self._position(values), poses)

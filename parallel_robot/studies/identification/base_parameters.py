@@ -161,7 +161,7 @@ def linear_model(robot: RobotModel) -> LinearModel:
     Raises:
         InputError: it has none.
     """
-    model: LinearModel | None = getattr(robot.module, 'linear_model', None)
+    model = robot.module.linear_model
     if model is None:
         raise InputError(
             f'the robot {robot.name} cannot be identified: its module has no linear_model, '

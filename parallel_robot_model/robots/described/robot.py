@@ -42,6 +42,7 @@ from parallel_robot_model.robots.contract import (
     Infeasible,
     Margin,
     Reach,
+    Robot,
     first_sample,
     place_of,
 )
@@ -67,8 +68,8 @@ TOO_NEAR = (  # a key of MotionLimits, and what is below it
 SIZES = {'mass_factor': 1, 'spread_factor': 3, 'centre_shift': 3, 'inertia_shift': 6}  # of a link
 
 
-class DescribedRobot:
-    """A machine as a robot; see :class:`parallel_robot_model.robots.contract.Robot`."""
+class DescribedRobot(Robot):
+    """A machine as a robot."""
 
     FAULTS = parameters.FAULTS
     NO_POSE = parameters.NO_POSE
@@ -76,29 +77,26 @@ class DescribedRobot:
     PLANAR = False  # it depends on the tool, see `planar`
     OWN_MEMORY = True  # whoever has its constants has a memory of his own
 
+    joint_motion = staticmethod(kernels.joint_motion)
+    locate = staticmethod(kernels.locate)
+    estimate = staticmethod(kernels.estimate)
+    ahead = staticmethod(kernels.ahead)
+    acceleration = staticmethod(kernels.acceleration)
+    measure = staticmethod(kernels.measure)
+
     def __init__(self, text: str, compiled: str = '') -> None:
         """Take the text of a description, and the numbers that its compiler made of it."""
         self.text, self.compiled = text, compiled
         self.Parameters: Any = Parameters
         self.SafetyMargins: Any = parameters.SafetyMargins
         self.MotionLimits: Any = MotionLimits
-        self.joint_motion = kernels.joint_motion
-        self.locate = kernels.locate
-        self.estimate = kernels.estimate
-        self.ahead = kernels.ahead
-        self.acceleration = kernels.acceleration
-        self.measure = kernels.measure
         self.tree = DescribedTree(self)
+        self.linear_model = LinearMachine(self.machine, self.mechanism)
 
     @property
     def description(self) -> Description:
         """What its text says."""
         return description_of(self.text, self.compiled)
-
-    @property
-    def linear_model(self) -> LinearMachine:
-        """Its equations of motion, linear in the masses of the links."""
-        return LinearMachine(self.machine, self.mechanism)
 
     def machine(self, robot: Parameters) -> Machine:
         """The machine with what is chosen of it, its numbers those of the file."""
