@@ -8,8 +8,6 @@ machine code, for this source of the law.
 from __future__ import annotations
 
 import copy
-import hashlib
-import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,7 +21,7 @@ from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import as_arrays, as_vectors, plain_type, shape_of
 from parallel_robot_model.configuration import fields
-from parallel_robot_model.processes import cache_directory, child_process, custom_module
+from parallel_robot_model.processes import child_process, custom_module
 from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED, import_file
 from parallel_robot_model.robots.contract import Model
@@ -133,7 +131,7 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
 
     Args:
         name: Name of the law.
-        law: Its module, loaded from a file.
+        law: The law, loaded from a file.
         gains: Gains to try it with.
         joints: Number of joints that it will control.
 
@@ -143,31 +141,9 @@ def warnings_of(name: str, law: Any, gains: Any, joints: int) -> tuple[str, ...]
     Raises:
         InputError: it reads beyond an array, does not return, or returns something invalid.
     """
-    source = custom_module.source_of(law)
-    mark = f'tried_{hashlib.sha256(source).hexdigest()[:16]}_{joints}'
-    verdict = cache_directory.marked(mark)
-    if verdict is None:
-        with tempfile.TemporaryDirectory() as directory:
-            file = Path(law.__file__)
-            if not file.is_file() or file.read_bytes() != source:  # changed since
-                file = Path(directory, f'{name}.py')
-                file.write_bytes(source)
-            cache = cache_directory.subdirectory('checked') or directory
-            verdict = _try(name, file, gains, joints, cache)
-        cache_directory.mark(mark, verdict)
+    task = {'gains': gains, 'joints': joints}
+    verdict = custom_module.verdict_of(name, law, f'tried_{joints}', __name__, task)
     return tuple(f'{name}: {line}' for line in verdict.splitlines())
-
-
-def _try(name: str, file: Path, gains: Any, joints: int, cache: str) -> str:
-    """Run the trial with a separate cache; returns the warnings, one per line."""
-    task = {'file': str(file), 'gains': gains, 'joints': joints}
-    ended = child_process.run_trial(__name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache)
-    if not ended.returned:
-        raise InputError(f'{name}: {ended.how}')
-    verdict: dict[str, str] = ended.result
-    if 'refused' in verdict:
-        raise InputError(f'{name}: {verdict["refused"]}')
-    return verdict['warnings']
 
 
 def _trial(task: dict[str, Any]) -> dict[str, str]:

@@ -13,13 +13,13 @@ from rig import Rig
 import parallel_robot as pr
 from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.cli.command_line import main
-from parallel_robot_control import law_loader, law_trial
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve, settings
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import Vector
 from parallel_robot_model.messages import topics
-from parallel_robot_model.processes import cache_directory
+from parallel_robot_model.processes import cache_directory, child_process
 from parallel_robot_model.processes.cache_directory import NOTICE
 from parallel_robot_model.processes.node_processes import MODULES
 
@@ -316,7 +316,7 @@ def test_a_law_for_three_joints_alone_says_so_and_is_tried_once(write, monkeypat
             'rigid: written for 3 joints; with 1: update: IndexError: index is out of bounds, '
             'in the trial with made-up states, here errors up to 0 rad'
         )
-        monkeypatch.setattr(law_trial, '_try', None)  # now it is known
+        monkeypatch.setattr(child_process, 'run_trial', None)  # now it is known
 
 
 def test_a_memory_that_never_changes_is_told(write):

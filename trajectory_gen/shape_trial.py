@@ -8,8 +8,6 @@ compared with finite differences.
 from __future__ import annotations
 
 import contextlib
-import hashlib
-import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +18,7 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.compiler import INTERPRETED, FirstClass, reason
 from parallel_robot_model.configuration import fields
-from parallel_robot_model.processes import cache_directory, child_process, custom_module
+from parallel_robot_model.processes import child_process, custom_module
 from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED, blaming, import_file
 from parallel_robot_model.robots.contract import PoseMotion
@@ -45,7 +43,8 @@ def check(name: str, shape: Any, parameters: Any) -> None:
     motion = shape.motion
     if not hasattr(motion, 'py_func'):
         raise InputError(f'{name}: motion is not compiled: put @kernel before it')
-    _try_once(name, shape, parameters)
+    task = {'parameters': fields.plain(parameters)}
+    custom_module.verdict_of(name, shape, 'moved', __name__, task)
     made, span = prepared(name, shape, parameters)
     try:
         compiled = FirstClass(motion, made, 0.0)
@@ -141,31 +140,8 @@ def _sampled(
     return tuple(np.array([each[i] for each in motions]) for i in range(len(NAMES)))
 
 
-def _try_once(name: str, shape: Any, parameters: Any) -> None:
-    """Run the motion in a separate process, once for each version of its source."""
-    source = custom_module.source_of(shape)
-    mark = f'moved_{hashlib.sha256(source).hexdigest()[:16]}'
-    if cache_directory.marked(mark) is not None:
-        return
-    with tempfile.TemporaryDirectory() as directory:
-        file = Path(shape.__file__)
-        if not file.is_file() or file.read_bytes() != source:  # changed since
-            file = Path(directory, f'{name}.py')
-            file.write_bytes(source)
-        cache = cache_directory.subdirectory('checked') or directory
-        task = {'file': str(file), 'parameters': fields.plain(parameters)}
-        ended = child_process.run_trial(
-            __name__, task, NUMBA_BOUNDSCHECK='1', NUMBA_CACHE_DIR=cache
-        )
-    if not ended.returned:
-        raise InputError(f'{name}: {ended.how}')
-    if ended.result:
-        raise InputError(f'{name}: {ended.result}')
-    cache_directory.mark(mark)
-
-
-def _trial(task: dict[str, Any]) -> str:
-    """Call the motion of a task; why it is refused, empty if it is not."""
+def _trial(task: dict[str, Any]) -> dict[str, str]:
+    """Call the motion of a task: the verdict."""
     file = Path(task['file'])
     shape: Any = import_file(file, file.read_bytes())
     names = [parameter.key for parameter in fields.parameters(shape.Parameters)]
@@ -181,8 +157,9 @@ def _trial(task: dict[str, Any]) -> str:
                 shape.motion(made, float(t))
     except RAISED as error:
         # What does not compile, or whose parameters are refused, is told where it is done again.
-        return f'motion: {first_line(error)}' if isinstance(error, IndexError) else ''
-    return ''
+        if isinstance(error, IndexError):
+            return {'refused': f'motion: {first_line(error)}'}
+    return {'warnings': ''}
 
 
 if __name__ == '__main__':

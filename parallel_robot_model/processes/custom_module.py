@@ -10,9 +10,10 @@ import importlib.util
 import logging
 import os
 import sys
+import tempfile
 import threading
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
 from importlib.machinery import PathFinder, SourceFileLoader
 from pathlib import Path
@@ -244,6 +245,40 @@ def source_of(made: Any) -> bytes:
     """Source of what was made of a module that was loaded; its file may no longer exist."""
     name = made.__name__
     return next(source for (_, source), module in _loaded.items() if module.__name__ == name)
+
+
+def verdict_of(name: str, made: Any, kind: str, trial: str, task: Mapping[str, Any]) -> str:
+    """What a trial warns of, once for each version of a source.
+
+    Args:
+        name: What is tried.
+        made: What was made of its module.
+        kind: Of the trial; what is known of others says nothing of this one.
+        trial: Module that serves it, in a process that checks the bounds of arrays: a function of
+            the task with the `file`, which returns a text by 'refused' or by 'warnings'.
+        task: Plain data.
+
+    Raises:
+        InputError: it is refused, or ends its process.
+    """
+    source = source_of(made)
+    mark = f'{kind}_{hashlib.sha256(source).hexdigest()[:16]}'
+    known = cache_directory.marked(mark)
+    if known is not None:
+        return known
+    with tempfile.TemporaryDirectory() as directory:
+        file = Path(made.__file__)
+        if not file.is_file() or file.read_bytes() != source:  # changed since
+            file = Path(directory, f'{name}.py')
+            file.write_bytes(source)
+        cache = cache_directory.subdirectory('checked') or directory
+        environment = {'NUMBA_BOUNDSCHECK': '1', 'NUMBA_CACHE_DIR': cache}
+        ended = child_process.run_trial(trial, {'file': str(file), **task}, **environment)
+    refused = ended.result.get('refused') if ended.returned else ended.how
+    if refused:
+        raise InputError(f'{name}: {refused}')
+    cache_directory.mark(mark, ended.result['warnings'])
+    return str(ended.result['warnings'])
 
 
 def hold(file: Path, source: bytes) -> None:
