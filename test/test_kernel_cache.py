@@ -421,7 +421,7 @@ print('numba.np.linalg' in sys.modules or 'scipy.linalg' in sys.modules)
 OF_ROBOTS = """
 from parallel_robot_model.robots.registry import ROBOTS
 for robot in ROBOTS.values():
-    for kind in (getattr(robot, 'Constants', robot.Parameters), robot.SafetyMargins):
+    for kind in (robot.Constants, robot.SafetyMargins):
         print(kind.__name__ == f'{kind.__module__}.{kind.__qualname__}')
 """
 

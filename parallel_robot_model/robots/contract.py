@@ -312,7 +312,7 @@ class Robot(RobotModule):
     """A robot: what its module defines, and defaults for what it leaves out."""
 
     DEFAULTS: Mapping[str, Any] = MappingProxyType({})  # of its keys, see registry.default_values
-    Constants: Any = None  # class of its constants, if they are not the parameters
+    Constants: Any  # class of its constants; that of its parameters, if they are these
     OWN_MEMORY = False  # whether its kernels keep something there, which each user has for himself
     # FAULTS at which `estimate` has no trustworthy pose; without it all of them, or none where the
     # pose does not depend on the guess
@@ -333,8 +333,8 @@ class Robot(RobotModule):
     @classmethod
     def of(cls, module: RobotModule) -> Robot:
         """The robot of a module."""
-        robot = cls()
-        vars(robot).update({'ahead': module.estimate} | vars(module))
+        robot, instead = cls(), {'Constants': module.Parameters, 'ahead': module.estimate}
+        vars(robot).update(instead | vars(module))
         return robot
 
     def constants(self, parameters: Any, /) -> Any:

@@ -54,7 +54,7 @@ ROBOTS = {
     'serial_2r': Robot.of(serial_2r),
 }
 for _robot in ROBOTS.values():  # before a kernel takes a tuple of one
-    distinguish(_robot.Constants or _robot.Parameters, _robot.SafetyMargins)
+    distinguish(_robot.Constants, _robot.SafetyMargins)
 
 KERNELS: dict[str, type] = {  # and what they return
     'joint_motion': JointMotion,
