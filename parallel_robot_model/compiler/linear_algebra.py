@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import in_kernels
-from parallel_robot_model.compiler.vectors import VectorType, elementwise, emit, pack
+from parallel_robot_model.compiler.vectors import VectorType, elementwise, emit, pack, vector
 
 
 @kernel
@@ -23,13 +23,10 @@ def dot(a: Array, b: Array) -> float:
 
 
 @kernel
-def cross(a: Array, b: Array) -> tuple[float, float, float]:
+def cross(a: Array, b: Array) -> Array:
     """Vector product of two vectors of shape (3,)."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return vector((x, y, z))
 
 
 @kernel

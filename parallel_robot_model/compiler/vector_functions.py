@@ -147,6 +147,8 @@ def _product(context: Any, builder: Any, signature: Any, values: Any) -> Any:
 @type_callable(vector)
 def _type_of_vector(context: Any) -> Any:
     def typer(elements: Any) -> Any:
+        if isinstance(elements, VectorType):
+            return elements
         if not isinstance(elements, types.BaseTuple):
             return None
         if not len(elements):
@@ -168,6 +170,11 @@ def _vector(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         for i, each in enumerate(given.types)
     ]
     return pack(context, builder, kind, elements)
+
+
+@lower_builtin(vector, VectorType)
+def _itself(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+    return values[0]
 
 
 @type_callable(np.sum)

@@ -46,9 +46,11 @@ class Vector(np.ndarray):
             plain = tuple(
                 each.view(np.ndarray) if isinstance(each, Vector) else each for each in inputs
             )
-            if method == '__call__' and ufunc is not np.matmul:
-                plain = aligned(plain)
-            result = getattr(ufunc, method)(*plain, **named)
+            if ufunc is np.matmul:  # summed in order
+                result = functools.reduce(np.add, map(np.multiply.outer, plain[0].T, plain[1]))
+            else:
+                plain = aligned(plain) if method == '__call__' else plain
+                result = getattr(ufunc, method)(*plain, **named)
             return result.view(Vector) if isinstance(result, np.ndarray) else result
 
         def __getitem__(self, index: Any) -> Any:

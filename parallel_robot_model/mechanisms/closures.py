@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import cross, dot, inner, kernel, vector
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
@@ -16,20 +16,15 @@ from parallel_robot_model.mechanisms.mechanism import (
     Mechanism,
 )
 from parallel_robot_model.mechanisms.spatial import (
-    Triple,
     clear,
     clear_matrix,
+    column,
     copy_matrix,
-    crossed,
     in_world,
-    inner_product,
-    minus,
-    plus,
-    second_triple,
-    set_row,
-    times,
+    matrix,
+    nothing,
+    put,
     triple,
-    turned,
     velocity,
 )
 from parallel_robot_model.mechanisms.workspace import (
@@ -54,7 +49,6 @@ def place(mechanism: Mechanism, workspace: Workspace) -> None:
     parent, kind, along = mechanism.parent, mechanism.kind, workspace.layout.along
     parallel, concentric = workspace.layout.parallel, workspace.layout.concentric
     rotation, origin, S = workspace.rotation, workspace.origin, workspace.S
-    still = (0.0, 0.0, 0.0)
     for i in range(len(parent)):
         position = workspace.trial[i]
         j = parent[i]
@@ -70,19 +64,21 @@ def place(mechanism: Mechanism, workspace: Workspace) -> None:
             _multiply(rotation, j, mechanism.rotation, rotation, i)
         k = along[i]
         if k == NO_COORDINATE:
-            axis = turned(rotation, i, triple(mechanism.axis, i))
+            axis = matrix(rotation[i]) @ triple(mechanism.axis, i)
         else:
-            axis = (rotation[i, 0, k], rotation[i, 1, k], rotation[i, 2, k])
+            axis = column(rotation[i], k)
         if kind[i] != HINGE:
-            offset = plus(offset, times(axis, position))
-            set_row(S, i, still, axis)
+            offset = offset + position * axis
+            put(S, i, 0, nothing())
+            put(S, i, 3, axis)
         else:
             if k == NO_COORDINATE:
                 _turn(rotation, i, triple(mechanism.axis, i), position)
             else:
                 _turn_coordinates(rotation, i, k, position)
-            set_row(S, i, axis, crossed(offset, axis))
-        origin[i, 0], origin[i, 1], origin[i, 2] = offset
+            put(S, i, 0, axis)
+            put(S, i, 3, cross(offset, axis))
+        put(origin, i, 0, offset)
 
 
 @inner
@@ -103,10 +99,10 @@ def _multiply(a: Array, j: int, b: Array, out: Array, i: int) -> None:
 
 
 @inner
-def _turn(rotation: Array, i: int, axis: Triple, angle: float) -> None:
+def _turn(rotation: Array, i: int, axis: Array, angle: float) -> None:
     """Multiply rotation i by that about an axis of its own frame (Rodrigues)."""
     c, s = math.cos(angle), math.sin(angle)
-    x, y, z = axis
+    x, y, z = axis[0], axis[1], axis[2]
     k = 1.0 - c
     a, b, d = x * y * k, x * z * k, y * z * k
     x_x, x_y, x_z = c + x * x * k, a - z * s, b + y * s
@@ -158,11 +154,12 @@ def errors(mechanism: Mechanism, workspace: Workspace) -> None:
             error[k] = _coupling_error(mechanism, workspace, k)
             continue
         if mechanism.closure[k] == POINT:
-            open_by = minus(*points(mechanism, workspace, k))
+            point, other = points(mechanism, workspace, k)
+            open_by = point - other
         else:
             open_by = _turned_by(mechanism, workspace, k)
         for row in range(k, group[g + 1]):
-            error[row] = inner_product(triple(normal, row), open_by)
+            error[row] = dot(triple(normal, row), open_by)
 
 
 @inner
@@ -178,7 +175,7 @@ def _coupling_error(mechanism: Mechanism, workspace: Workspace, k: int) -> float
 
 
 @inner
-def points(mechanism: Mechanism, workspace: Workspace, k: int) -> tuple[Triple, Triple]:
+def points(mechanism: Mechanism, workspace: Workspace, k: int) -> tuple[Array, Array]:
     """Both points of a closure in the world."""
     rotation, origin = workspace.rotation, workspace.origin
     return (
@@ -188,29 +185,22 @@ def points(mechanism: Mechanism, workspace: Workspace, k: int) -> tuple[Triple, 
 
 
 @inner
-def _turned_by(mechanism: Mechanism, workspace: Workspace, k: int) -> Triple:
+def _turned_by(mechanism: Mechanism, workspace: Workspace, k: int) -> Array:
     """Sine of the angle times the axis of the rotation from joint b to joint a.
 
     It is that of E = R_a turned R_b^T, whose rows and columns are summed without E.
     """
     first, second, turned = mechanism.first[k], mechanism.second[k], mechanism.turned[k]
-    x, y, z = 0.0, 0.0, 0.0
+    total = nothing()
     for c in range(3):  # E = sum of outer products of columns; 2 sin * axis = sum of b x a
-        a = (turned[0, c], turned[1, c], turned[2, c])
-        b = (1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0)
+        a = column(turned, c)
+        b = vector((1.0 if c == 0 else 0.0, 1.0 if c == 1 else 0.0, 1.0 if c == 2 else 0.0))
         if first != BASE:
-            R = workspace.rotation[first]
-            a = (
-                R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
-                R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
-                R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
-            )
+            a = matrix(workspace.rotation[first]) @ a
         if second != BASE:
-            R = workspace.rotation[second]
-            b = (R[0, c], R[1, c], R[2, c])
-        part = crossed(b, a)
-        x, y, z = x + part[0], y + part[1], z + part[2]
-    return 0.5 * x, 0.5 * y, 0.5 * z
+            b = column(workspace.rotation[second], c)
+        total = total + cross(b, a)
+    return 0.5 * total
 
 
 @inner
@@ -237,10 +227,10 @@ def jacobian(mechanism: Mechanism, workspace: Workspace) -> None:
                     by = layout.scale[i] if side == 0 else -layout.scale[i]
                     motion = triple(S, i)
                     if mechanism.closure[k] == POINT:
-                        motion = velocity(motion, second_triple(S, i), x)
-                    motion = times(motion, by)
+                        motion = velocity(motion, triple(S, i, 3), x)
+                    motion = by * motion
                     for row in range(k, group[g + 1]):
-                        out[row, c] += inner_product(triple(normal, row), motion)
+                        out[row, c] += dot(triple(normal, row), motion)
                 i = parent[i]
 
 
@@ -310,15 +300,15 @@ def derive_rate(mechanism: Mechanism, workspace: Workspace) -> None:
             x = point if side == 0 else other
             if i == BASE:
                 continue
-            x_rate = velocity(triple(workspace.V, i), second_triple(workspace.V, i), x)
+            x_rate = velocity(triple(workspace.V, i), triple(workspace.V, i, 3), x)
             while i != BASE:
                 if layout.column[i] >= 0:
                     motion = triple(S_rate, i)
                     if mechanism.closure[k] == POINT:
-                        motion = velocity(motion, second_triple(S_rate, i), x)
-                        motion = plus(motion, crossed(triple(S, i), x_rate))
+                        motion = velocity(motion, triple(S_rate, i, 3), x)
+                        motion = motion + cross(triple(S, i), x_rate)
                     for row in range(k, group[g + 1]):
-                        part = inner_product(triple(layout.normal, row), motion)
+                        part = dot(triple(layout.normal, row), motion)
                         if side == 0:
                             part = -part
                         for j in range(len(mechanism.actuated)):
@@ -345,29 +335,27 @@ def bias(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
             continue
         point, other = points(mechanism, workspace, k)
         is_point = mechanism.closure[k] == POINT
-        apart = minus(
-            _acceleration(workspace, mechanism.second[k], other, is_point),
-            _acceleration(workspace, mechanism.first[k], point, is_point),
-        )
+        apart = _acceleration(workspace, mechanism.second[k], other, is_point)
+        apart = apart - _acceleration(workspace, mechanism.first[k], point, is_point)
         for row in range(k, group[g + 1]):
-            single[row] = inner_product(triple(layout.normal, row), apart)
+            single[row] = dot(triple(layout.normal, row), apart)
     solve_vector(workspace.factors, single)
     for c in range(len(layout.passive)):
         out[layout.passive[c]] = layout.scale[layout.passive[c]] * single[c]
 
 
 @inner
-def _acceleration(workspace: Workspace, i: int, x: Triple, is_point: bool) -> Triple:
+def _acceleration(workspace: Workspace, i: int, x: Array, is_point: bool) -> Array:
     """Acceleration of a point of body i, or of its rotation."""
     if i == BASE:
-        return 0.0, 0.0, 0.0
+        return nothing()
     V, A = workspace.V, workspace.A
     angular = triple(A, i)
     if not is_point:
         return angular
     turning = triple(V, i)
-    own = velocity(angular, second_triple(A, i), x)
-    return plus(own, crossed(turning, velocity(turning, second_triple(V, i), x)))
+    own = velocity(angular, triple(A, i, 3), x)
+    return own + cross(turning, velocity(turning, triple(V, i, 3), x))
 
 
 # Motions of the joints and bodies at rates of the actuated joints.
@@ -390,13 +378,14 @@ def motions(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
     parent, S, V, S_rate = mechanism.parent, workspace.S, workspace.V, workspace.S_rate
     for i in range(len(parent)):
         j = parent[i]
-        turn, slide = triple(S, i), second_triple(S, i)
-        angular, linear = times(turn, rate[i]), times(slide, rate[i])
+        turn, slide = triple(S, i), triple(S, i, 3)
+        angular, linear = rate[i] * turn, rate[i] * slide
         if j != BASE:
-            angular, linear = plus(triple(V, j), angular), plus(second_triple(V, j), linear)
-        set_row(V, i, angular, linear)
-        moved = plus(crossed(linear, turn), crossed(angular, slide))
-        set_row(S_rate, i, crossed(angular, turn), moved)
+            angular, linear = triple(V, j) + angular, triple(V, j, 3) + linear
+        put(V, i, 0, angular)
+        put(V, i, 3, linear)
+        put(S_rate, i, 0, cross(angular, turn))
+        put(S_rate, i, 3, cross(linear, turn) + cross(angular, slide))
 
 
 @inner
@@ -407,14 +396,9 @@ def accelerations(
     parent, S, S_rate, A = mechanism.parent, workspace.S, workspace.S_rate, workspace.A
     for i in range(len(parent)):
         j = parent[i]
-        angular = plus(times(triple(S_rate, i), rate[i]), times(triple(S, i), acceleration[i]))
-        linear = plus(
-            times(second_triple(S_rate, i), rate[i]),
-            times(second_triple(S, i), acceleration[i]),
-        )
-        if j != BASE:
-            angular, linear = plus(triple(A, j), angular), plus(second_triple(A, j), linear)
-        set_row(A, i, angular, linear)
+        for k in (0, 3):
+            own = rate[i] * triple(S_rate, i, k) + acceleration[i] * triple(S, i, k)
+            put(A, i, k, triple(A, j, k) + own if j != BASE else own)
 
 
 @inner

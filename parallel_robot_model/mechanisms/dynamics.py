@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import cross, dot, inner, kernel, vector
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.closures import (
     accelerations,
@@ -35,16 +35,11 @@ from parallel_robot_model.mechanisms.passive import (
     add_loads,
 )
 from parallel_robot_model.mechanisms.spatial import (
-    Triple,
     clear_matrix,
-    crossed,
     in_world,
-    inner_product,
-    minus,
-    plus,
-    second_triple,
-    set_row,
-    times,
+    matrix,
+    of_array,
+    put,
     triple,
 )
 from parallel_robot_model.mechanisms.workspace import Workspace, boxed, solve_symmetric
@@ -61,54 +56,33 @@ def place_bodies(mechanism: Mechanism, workspace: Workspace) -> None:
     out, rotation = workspace.inertia, workspace.rotation
     for i in range(len(mechanism.mass)):
         mass = mechanism.mass[i]
-        x, y, z = in_world(rotation, workspace.origin, i, triple(mechanism.centre, i))
-        R, own = rotation[i], mechanism.inertia[i]
+        at = in_world(rotation, workspace.origin, i, triple(mechanism.centre, i))
+        R, own, x, y, z = matrix(rotation[i]), matrix(mechanism.inertia[i]), at[0], at[1], at[2]
         out[i, 0] = mass
-        out[i, 1], out[i, 2], out[i, 3] = mass * x, mass * y, mass * z
-        a = _times_rows(own, R[0, 0], R[0, 1], R[0, 2])
-        b = _times_rows(own, R[1, 0], R[1, 1], R[1, 2])
-        c = _times_rows(own, R[2, 0], R[2, 1], R[2, 2])
-        out[i, 4] = _row(R, 0, a) + mass * (y * y + z * z)
-        out[i, 5] = _row(R, 1, a) - mass * x * y
-        out[i, 6] = _row(R, 2, a) - mass * x * z
-        out[i, 7] = _row(R, 1, b) + mass * (x * x + z * z)
-        out[i, 8] = _row(R, 2, b) - mass * y * z
-        out[i, 9] = _row(R, 2, c) + mass * (x * x + y * y)
+        put(out, i, 1, mass * at)
+        a, b, c = own @ R[0], own @ R[1], own @ R[2]
+        out[i, 4] = dot(R[0], a) + mass * (y * y + z * z)
+        out[i, 5] = dot(R[1], a) - mass * x * y
+        out[i, 6] = dot(R[2], a) - mass * x * z
+        out[i, 7] = dot(R[1], b) + mass * (x * x + z * z)
+        out[i, 8] = dot(R[2], b) - mass * y * z
+        out[i, 9] = dot(R[2], c) + mass * (x * x + y * y)
 
 
 @inner
-def _times_rows(a: Array, x: float, y: float, z: float) -> Triple:
-    """A symmetric matrix times a vector."""
-    return (
-        a[0, 0] * x + a[0, 1] * y + a[0, 2] * z,
-        a[1, 0] * x + a[1, 1] * y + a[1, 2] * z,
-        a[2, 0] * x + a[2, 1] * y + a[2, 2] * z,
-    )
+def symmetric(x: Array, i: int, k: int) -> Array:
+    """The symmetric matrix in row i from element k."""
+    second = vector((x[i, k + 1], x[i, k + 3], x[i, k + 4]))
+    third = vector((x[i, k + 2], x[i, k + 4], x[i, k + 5]))
+    return vector((triple(x, i, k), second, third))
 
 
 @inner
-def _row(R: Array, i: int, x: Triple) -> float:
-    return R[i, 0] * x[0] + R[i, 1] * x[1] + R[i, 2] * x[2]
-
-
-@inner
-def symmetric(x: Array, i: int, k: int, a: Triple) -> Triple:
-    """The symmetric matrix in row i from element k, times a vector."""
-    return (
-        x[i, k] * a[0] + x[i, k + 1] * a[1] + x[i, k + 2] * a[2],
-        x[i, k + 1] * a[0] + x[i, k + 3] * a[1] + x[i, k + 4] * a[2],
-        x[i, k + 2] * a[0] + x[i, k + 4] * a[1] + x[i, k + 5] * a[2],
-    )
-
-
-@inner
-def momentum_of(inertia: Array, i: int, turn: Triple, slide: Triple) -> tuple[Triple, Triple]:
+def momentum_of(inertia: Array, i: int, turn: Array, slide: Array) -> tuple[Array, Array]:
     """Angular and linear momentum of body i in a motion."""
-    h = (inertia[i, 1], inertia[i, 2], inertia[i, 3])
-    return (
-        plus(symmetric(inertia, i, 4, turn), crossed(h, slide)),
-        plus(times(slide, inertia[i, 0]), crossed(turn, h)),
-    )
+    h = triple(inertia, i, 1)
+    angular = symmetric(inertia, i, 4) @ turn + cross(h, slide)
+    return angular, inertia[i, 0] * slide + cross(turn, h)
 
 
 @inner
@@ -116,22 +90,19 @@ def place_momenta(workspace: Workspace) -> None:
     """Write `momentum` of each body: D by its rows xx xy xz yy yz zz, n, f."""
     inertia, out = workspace.inertia, workspace.momentum
     for i in range(len(inertia)):
-        w, u = triple(workspace.V, i), second_triple(workspace.V, i)
+        w, u = triple(workspace.V, i), triple(workspace.V, i, 3)
         n, f = momentum_of(inertia, i, w, u)
-        h = (inertia[i, 1], inertia[i, 2], inertia[i, 3])
+        h, J = triple(inertia, i, 1), symmetric(inertia, i, 4)
         # D = sym(w x J) - sym(h u^T) + (h u) 1
-        a = crossed(w, (inertia[i, 4], inertia[i, 5], inertia[i, 6]))
-        b = crossed(w, (inertia[i, 5], inertia[i, 7], inertia[i, 8]))
-        c = crossed(w, (inertia[i, 6], inertia[i, 8], inertia[i, 9]))
-        along = inner_product(h, u)
+        a, b, c, along = cross(w, J[0]), cross(w, J[1]), cross(w, J[2]), dot(h, u)
         out[i, 0] = a[0] - h[0] * u[0] + along
         out[i, 1] = 0.5 * (a[1] + b[0] - h[0] * u[1] - h[1] * u[0])
         out[i, 2] = 0.5 * (a[2] + c[0] - h[0] * u[2] - h[2] * u[0])
         out[i, 3] = b[1] - h[1] * u[1] + along
         out[i, 4] = 0.5 * (b[2] + c[1] - h[1] * u[2] - h[2] * u[1])
         out[i, 5] = c[2] - h[2] * u[2] + along
-        out[i, 6], out[i, 7], out[i, 8] = n
-        out[i, 9], out[i, 10], out[i, 11] = f
+        put(out, i, 6, n)
+        put(out, i, 9, f)
 
 
 @kernel
@@ -183,33 +154,27 @@ def _products(mechanism: Mechanism, workspace: Workspace) -> None:
     clear_matrix(QW)
     for i in range(len(parent) - 1, -1, -1):
         if column[i] != HELD:
-            turn, slide = triple(S, i), second_triple(S, i)
+            turn, slide = triple(S, i), triple(S, i, 3)
             workspace.load[i] = weight(mechanism, inertia, i, turn, slide)
             n_own, f_own = momentum_of(inertia, i, turn, slide)
-            n_rate, f_rate = momentum_of(inertia, i, triple(S_rate, i), second_triple(S_rate, i))
-            n_body = (momentum[i, 6], momentum[i, 7], momentum[i, 8])
-            f_body = (momentum[i, 9], momentum[i, 10], momentum[i, 11])
-            half, across = symmetric(momentum, i, 0, turn), times(crossed(n_body, turn), 0.5)
-            n_rate = plus(n_rate, minus(half, across))
-            f_rate = minus(f_rate, crossed(f_body, turn))
-            back = plus(plus(half, across), crossed(f_body, slide))
+            n_rate, f_rate = momentum_of(inertia, i, triple(S_rate, i), triple(S_rate, i, 3))
+            n_body, f_body = triple(momentum, i, 6), triple(momentum, i, 9)
+            half, across = symmetric(momentum, i, 0) @ turn, 0.5 * cross(n_body, turn)
+            n_rate = n_rate + (half - across)
+            f_rate = f_rate - cross(f_body, turn)
+            back = (half + across) + cross(f_body, slide)
             j = i
             while j != BASE:
                 if column[j] != HELD:
-                    turn_j, slide_j = triple(S, j), second_triple(S, j)
-                    m_ij = inner_product(turn_j, n_own) + inner_product(slide_j, f_own)
-                    c_ji = inner_product(turn_j, n_rate) + inner_product(slide_j, f_rate)
+                    m_ij = power(S, j, n_own, f_own)
+                    c_ji = power(S, j, n_rate, f_rate)
                     if i == j:
                         m_ij += mechanism.armature[i]
                         for k in range(n):
                             MW[i, k] += m_ij * W[i, k]
                             QW[i, k] += c_ji * W[i, k] + m_ij * W_rate[i, k]
                     else:
-                        c_ij = (
-                            inner_product(triple(S_rate, j), n_own)
-                            + inner_product(second_triple(S_rate, j), f_own)
-                            + inner_product(turn_j, back)
-                        )
+                        c_ij = power(S_rate, j, n_own, f_own) + dot(triple(S, j), back)
                         for k in range(n):
                             MW[i, k] += m_ij * W[j, k]
                             MW[j, k] += m_ij * W[i, k]
@@ -225,11 +190,16 @@ def _products(mechanism: Mechanism, workspace: Workspace) -> None:
 
 
 @inner
-def weight(mechanism: Mechanism, inertia: Array, i: int, turn: Triple, slide: Triple) -> float:
+def power(motion: Array, i: int, n: Array, f: Array) -> float:
+    """Angular momentum n times the turning of motion i, plus linear momentum f times its slide."""
+    return dot(triple(motion, i), n) + dot(triple(motion, i, 3), f)
+
+
+@inner
+def weight(mechanism: Mechanism, inertia: Array, i: int, turn: Array, slide: Array) -> float:
     """Force of joint i against the gravity of the composite body."""
-    down = (mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2])
-    h = (inertia[i, 1], inertia[i, 2], inertia[i, 3])
-    return -inner_product(turn, crossed(h, down)) - inertia[i, 0] * inner_product(slide, down)
+    down = of_array(mechanism.gravity)
+    return -dot(turn, cross(triple(inertia, i, 1), down)) - inertia[i, 0] * dot(slide, down)
 
 
 @inner
@@ -293,19 +263,15 @@ def free_acceleration(
 def _forces(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write the forces of all joints at the motion of the bodies, by Newton and Euler."""
     V, A, inertia, force = workspace.V, workspace.A, workspace.inertia, workspace.force
-    parent, load = mechanism.parent, workspace.load
-    down = (mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2])
+    parent, load, down = mechanism.parent, workspace.load, of_array(mechanism.gravity)
     for i in range(len(parent)):
-        turning, moving = triple(V, i), second_triple(V, i)
+        turning, moving = triple(V, i), triple(V, i, 3)
         n, f = momentum_of(inertia, i, turning, moving)
-        n_rate, f_rate = momentum_of(inertia, i, triple(A, i), minus(second_triple(A, i), down))
-        n_bent = plus(crossed(turning, n), crossed(moving, f))
-        set_row(force, i, plus(n_rate, n_bent), plus(f_rate, crossed(turning, f)))
+        n_rate, f_rate = momentum_of(inertia, i, triple(A, i), triple(A, i, 3) - down)
+        put(force, i, 0, n_rate + (cross(turning, n) + cross(moving, f)))
+        put(force, i, 3, f_rate + cross(turning, f))
     for i in range(len(parent) - 1, -1, -1):
-        turn, slide = triple(workspace.S, i), second_triple(workspace.S, i)
-        load[i] = inner_product(turn, triple(force, i)) + inner_product(
-            slide, second_triple(force, i)
-        )
+        load[i] = power(workspace.S, i, triple(force, i), triple(force, i, 3))
         load[i] += mechanism.armature[i] * workspace.bias[i]
         j = parent[i]
         if j != BASE:
@@ -321,13 +287,11 @@ def _free_products(mechanism: Mechanism, workspace: Workspace) -> None:
     clear_matrix(MW)
     for i in range(len(parent) - 1, -1, -1):
         if column[i] != HELD:
-            n_own, f_own = momentum_of(inertia, i, triple(S, i), second_triple(S, i))
+            n_own, f_own = momentum_of(inertia, i, triple(S, i), triple(S, i, 3))
             j = i
             while j != BASE:
                 if column[j] != HELD:
-                    m_ij = inner_product(triple(S, j), n_own) + inner_product(
-                        second_triple(S, j), f_own
-                    )
+                    m_ij = power(S, j, n_own, f_own)
                     if i == j:
                         m_ij += mechanism.armature[i]
                     for k in range(n):

@@ -11,7 +11,7 @@ from parallel_robot_model.compiler import inner, kernel
 from parallel_robot_model.mechanisms.closing import go_back
 from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
-from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy, copy_matrix
+from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy, copy_matrix, nothing
 from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
 from parallel_robot_model.mechanisms.workspace import Workspace
 
@@ -274,7 +274,7 @@ def _of_closures(workspace: Workspace) -> None:
 def _of_tool(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write products of the columns of the tool's Jacobian, in units of tool and joints."""
     place_tool(mechanism, workspace)
-    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, (0.0, 0.0, 0.0)))
+    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, nothing()))
     n, a, gram = len(workspace.q), workspace.tool_jacobian, workspace.tool_gram
     scale, actuated = workspace.layout.scale, mechanism.actuated
     for i in range(n):

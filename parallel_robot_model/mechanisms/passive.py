@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner
+from parallel_robot_model.compiler import cross, dot, inner
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     FIRST,
@@ -28,14 +28,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     WHOLE,
     Mechanism,
 )
-from parallel_robot_model.mechanisms.spatial import (
-    crossed,
-    in_world,
-    inner_product,
-    second_triple,
-    times,
-    triple,
-)
+from parallel_robot_model.mechanisms.spatial import in_world, of_array, triple
 from parallel_robot_model.mechanisms.workspace import Workspace
 
 
@@ -68,13 +61,13 @@ def _sum(ratio: Array, k: int, x: Array) -> float:
 def _lift(mechanism: Mechanism, workspace: Workspace, i: int) -> None:
     """Take the weight that is lifted of body i off the joints that carry it."""
     elements, mass = mechanism.elements, mechanism.elements.lifted[i]
-    down = (mechanism.gravity[0], mechanism.gravity[1], mechanism.gravity[2])
+    down = of_array(mechanism.gravity)
     arm = in_world(workspace.rotation, workspace.origin, i, triple(elements.lifted_at, i))
-    moment = crossed(arm, times(down, mass))
+    moment = cross(arm, mass * down)
     j = i
     while j != BASE:
-        turn, slide = triple(workspace.S, j), second_triple(workspace.S, j)
-        workspace.load[j] += inner_product(turn, moment) + mass * inner_product(slide, down)
+        turn, slide = triple(workspace.S, j), triple(workspace.S, j, 3)
+        workspace.load[j] += dot(turn, moment) + mass * dot(slide, down)
         j = mechanism.parent[j]
 
 

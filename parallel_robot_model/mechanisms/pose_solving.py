@@ -34,9 +34,8 @@ from parallel_robot_model.mechanisms.mechanism import (
     SINGULAR,
     Mechanism,
 )
-from parallel_robot_model.mechanisms.spatial import Triple, clear, copy
+from parallel_robot_model.mechanisms.spatial import clear, copy, nothing
 from parallel_robot_model.mechanisms.tool import (
-    ROTATIONS,
     add_tool_rate,
     aim,
     factor_tool,
@@ -44,6 +43,7 @@ from parallel_robot_model.mechanisms.tool import (
     miss,
     place_tool,
     principal_rotation,
+    rotation_of,
     solve_tool,
     tool_bias,
     tool_jacobian,
@@ -94,7 +94,7 @@ def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     """Go from the memory to a pose, step by step."""
     copy(workspace.all, workspace.here)
     aim(mechanism, workspace, pose)
-    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, (0.0, 0.0, 0.0)))
+    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, nothing()))
     workspace.state[TOOL_SIGN] = factor_tool(mechanism, workspace)
     if workspace.state[TOOL_SIGN] == 0:
         return SINGULAR
@@ -284,7 +284,9 @@ def pose_motion(
     right = workspace.tool_error
     copy(workspace.q, position)
     place_tool(mechanism, workspace)
-    x = _rotation(mechanism, workspace)
+    x = rotation_of(mechanism, workspace.pose)  # as it was asked for, where all of it was
+    if workspace.layout.rotations != 3:
+        x = principal_rotation(mechanism, workspace)
     tool_jacobian(mechanism, workspace, x)
     if factor_tool(mechanism, workspace) == 0:
         velocity[:] = np.nan
@@ -299,19 +301,3 @@ def pose_motion(
         right[k] = acceleration[k] - workspace.tool_bias[k]
     solve_tool(mechanism, workspace, acceleration_out)
     return FOUND
-
-
-@inner
-def _rotation(mechanism: Mechanism, workspace: Workspace) -> Triple:
-    """Rotation vector of the pose [rad]; as it was asked for, where all of it was."""
-    if workspace.layout.rotations != 3:
-        return principal_rotation(mechanism, workspace)
-    x, y, z = 0.0, 0.0, 0.0
-    for k in range(len(mechanism.coordinate)):
-        if mechanism.coordinate[k] == ROTATIONS:
-            x = workspace.pose[k]
-        elif mechanism.coordinate[k] == ROTATIONS + 1:
-            y = workspace.pose[k]
-        elif mechanism.coordinate[k] == ROTATIONS + 2:
-            z = workspace.pose[k]
-    return x, y, z

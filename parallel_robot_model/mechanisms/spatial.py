@@ -1,4 +1,4 @@
-"""Vectors in space as tuples of three numbers, which kernels keep in registers."""
+"""Vectors in space: rows of arrays as vectors, rotations, copies, quaternions."""
 
 from __future__ import annotations
 
@@ -7,86 +7,57 @@ import math
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import arctangent, cosine, inner, sine
-
-Triple = tuple[float, float, float]
+from parallel_robot_model.compiler import arctangent, cosine, cross, dot, inner, sine, vector
 
 
 @inner
-def triple(x: Array, i: int) -> Triple:
-    """The first three elements of row i."""
-    return x[i, 0], x[i, 1], x[i, 2]
+def triple(x: Array, i: int, k: int = 0) -> Array:
+    """Three elements of row i from element k on."""
+    return vector((x[i, k], x[i, k + 1], x[i, k + 2]))
 
 
 @inner
-def second_triple(x: Array, i: int) -> Triple:
-    """The second three elements of row i."""
-    return x[i, 3], x[i, 4], x[i, 5]
+def column(x: Array, k: int) -> Array:
+    """Column k of an array of three rows."""
+    return vector((x[0, k], x[1, k], x[2, k]))
 
 
 @inner
-def plus(a: Triple, b: Triple) -> Triple:
-    """Sum."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+def of_array(x: Array) -> Array:
+    """An array of three elements."""
+    return vector((x[0], x[1], x[2]))
 
 
 @inner
-def minus(a: Triple, b: Triple) -> Triple:
-    """Difference."""
-    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+def nothing() -> Array:
+    """The vector of zeros."""
+    return vector((0.0, 0.0, 0.0))
 
 
 @inner
-def times(a: Triple, s: float) -> Triple:
-    """Product with a number."""
-    return s * a[0], s * a[1], s * a[2]
+def matrix(x: Array) -> Array:
+    """An array of shape (3, 3)."""
+    return vector((triple(x, 0), triple(x, 1), triple(x, 2)))
 
 
 @inner
-def inner_product(a: Triple, b: Triple) -> float:
-    """Scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@inner
-def crossed(a: Triple, b: Triple) -> Triple:
-    """Vector product."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
-
-
-@inner
-def velocity(angular: Triple, linear: Triple, point: Triple) -> Triple:
+def velocity(angular: Array, linear: Array, point: Array) -> Array:
     """Velocity of a point of a body that moves so; `linear` is that at the world's origin."""
-    return plus(linear, crossed(angular, point))
+    return linear + cross(angular, point)
 
 
 @inner
-def turned(rotation: Array, i: int, x: Triple) -> Triple:
-    """A vector of frame i in the world."""
-    return (
-        rotation[i, 0, 0] * x[0] + rotation[i, 0, 1] * x[1] + rotation[i, 0, 2] * x[2],
-        rotation[i, 1, 0] * x[0] + rotation[i, 1, 1] * x[1] + rotation[i, 1, 2] * x[2],
-        rotation[i, 2, 0] * x[0] + rotation[i, 2, 1] * x[1] + rotation[i, 2, 2] * x[2],
-    )
-
-
-@inner
-def in_world(rotation: Array, origin: Array, i: int, x: Triple) -> Triple:
+def in_world(rotation: Array, origin: Array, i: int, x: Array) -> Array:
     """A point of frame i, or of the world if it is BASE, in the world."""
     if i < 0:
         return x
-    return plus(triple(origin, i), turned(rotation, i, x))
+    return triple(origin, i) + matrix(rotation[i]) @ x
 
 
 @inner
-def set_row(x: Array, i: int, a: Triple, b: Triple) -> None:
-    """Write two triples to row i."""
-    x[i, 0], x[i, 1], x[i, 2] = a
-    x[i, 3], x[i, 4], x[i, 5] = b
+def put(x: Array, i: int, k: int, a: Array) -> None:
+    """Write a vector to row i from element k on."""
+    x[i, k], x[i, k + 1], x[i, k + 2] = a[0], a[1], a[2]
 
 
 # Rotation vectors: from and to matrices, and their rates.
@@ -95,20 +66,14 @@ SERIES_BELOW = 0.5  # rad, angle below which series are more accurate
 
 
 @inner
-def rotation_vector(a: Array, b: Array) -> Triple:
-    """Rotation vector of a b^T, of an angle up to pi [rad]; both shape (3, 3).
+def rotation_vector(a: Array, b: Array) -> Array:
+    """Rotation vector of a b^T, of an angle up to pi [rad]; both arrays of shape (3, 3).
 
     By the quaternion with the largest of its elements first (Shepperd 1978).
     """
-    xx = a[0, 0] * b[0, 0] + a[0, 1] * b[0, 1] + a[0, 2] * b[0, 2]
-    xy = a[0, 0] * b[1, 0] + a[0, 1] * b[1, 1] + a[0, 2] * b[1, 2]
-    xz = a[0, 0] * b[2, 0] + a[0, 1] * b[2, 1] + a[0, 2] * b[2, 2]
-    yx = a[1, 0] * b[0, 0] + a[1, 1] * b[0, 1] + a[1, 2] * b[0, 2]
-    yy = a[1, 0] * b[1, 0] + a[1, 1] * b[1, 1] + a[1, 2] * b[1, 2]
-    yz = a[1, 0] * b[2, 0] + a[1, 1] * b[2, 1] + a[1, 2] * b[2, 2]
-    zx = a[2, 0] * b[0, 0] + a[2, 1] * b[0, 1] + a[2, 2] * b[0, 2]
-    zy = a[2, 0] * b[1, 0] + a[2, 1] * b[1, 1] + a[2, 2] * b[1, 2]
-    zz = a[2, 0] * b[2, 0] + a[2, 1] * b[2, 1] + a[2, 2] * b[2, 2]
+    E = matrix(a) @ vector((column(b, 0), column(b, 1), column(b, 2)))
+    xx, xy, xz, yx, yy, yz = E[0, 0], E[0, 1], E[0, 2], E[1, 0], E[1, 1], E[1, 2]
+    zx, zy, zz = E[2, 0], E[2, 1], E[2, 2]
     trace = xx + yy + zz
     if trace >= max(xx, yy, zz):
         w, x, y, z = 1.0 + trace, zy - yz, xz - zx, yx - xy
@@ -122,19 +87,19 @@ def rotation_vector(a: Array, b: Array) -> Triple:
         w, x, y, z = -w, -x, -y, -z
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 / w if sine < 1e-9 * w else 2.0 * math.atan2(sine, w) / sine
-    return factor * x, factor * y, factor * z
+    return factor * vector((x, y, z))
 
 
 @inner
-def turn_by(x: Triple, a: Array, out: Array) -> None:
+def turn_by(x: Array, a: Array, out: Array) -> None:
     """Write exp(x) a, the matrix a turned by a rotation vector [rad]; shapes (3, 3)."""
-    angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
+    angle = math.sqrt(dot(x, x))
     s, c = _sine(angle), _versine(angle)
     for k in range(3):
-        y = (a[0, k], a[1, k], a[2, k])
-        once = crossed(x, y)
-        turned = plus(y, plus(times(once, s), times(crossed(x, once), c)))
-        out[0, k], out[1, k], out[2, k] = turned
+        y = column(a, k)
+        once = cross(x, y)
+        turned = y + (s * once + c * cross(x, once))
+        out[0, k], out[1, k], out[2, k] = turned[0], turned[1], turned[2]
 
 
 @inner
@@ -159,7 +124,7 @@ def _third(angle: float) -> float:
 
 
 @inner
-def vector_rate(x: Triple, angular: Triple) -> Triple:
+def vector_rate(x: Array, angular: Array) -> Array:
     """Rate of a rotation vector at an angular velocity: by the inverse of the left Jacobian.
 
     J = 1 + (1 - cos t) / t^2 [x] + (t - sin t) / t^3 [x]^2 with t = |x|.
@@ -171,34 +136,27 @@ def vector_rate(x: Triple, angular: Triple) -> Triple:
 
 
 @inner
-def vector_rate_by(x: Triple, bent: float, angular: Triple) -> Triple:
+def vector_rate_by(x: Array, bent: float, angular: Array) -> Array:
     """The same with the `bending` of the vector, for many angular velocities."""
-    once = crossed(x, angular)
-    twice = crossed(x, once)
-    return plus(angular, plus(times(once, -0.5), times(twice, bent)))
+    once = cross(x, angular)
+    return angular + (-0.5 * once + bent * cross(x, once))
 
 
 @inner
-def bending(x: Triple) -> float:
+def bending(x: Array) -> float:
     """(1 - t / 2 cot(t / 2)) / t^2 with t = |x|."""
-    angle = math.sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
-    half = 0.5 * angle
+    half = 0.5 * math.sqrt(dot(x, x))
     return 0.25 * (_versine(half) - _third(half)) / _sine(half)
 
 
 @inner
-def jacobian_rate(x: Triple, rate: Triple) -> Triple:
+def jacobian_rate(x: Array, rate: Array) -> Array:
     """Derivative of the left Jacobian, see `vector_rate`, times the rate of the vector."""
-    square = x[0] * x[0] + x[1] * x[1] + x[2] * x[2]
-    angle = math.sqrt(square)
-    along = x[0] * rate[0] + x[1] * rate[1] + x[2] * rate[2]
-    once = crossed(x, rate)
-    c = _third(angle)
+    angle, along, once = math.sqrt(dot(x, x)), dot(x, rate), cross(x, rate)
     b_rate = along * _versine_slope(angle)
     c_rate = along * _third_slope(angle)
     # d/dt [x]^2 rate = rate x (x x rate) + x x (rate x rate)
-    twice = times(crossed(rate, once), c)
-    return plus(times(once, b_rate), plus(times(crossed(x, once), c_rate), twice))
+    return b_rate * once + (c_rate * cross(x, once) + _third(angle) * cross(rate, once))
 
 
 @inner

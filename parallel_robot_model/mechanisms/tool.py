@@ -5,22 +5,18 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import cross, inner, kernel, vector
 from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
-    Triple,
     bending,
     clear,
     clear_matrix,
     copy_matrix,
-    crossed,
     in_world,
     jacobian_rate,
-    minus,
-    plus,
+    nothing,
+    of_array,
     rotation_vector,
-    second_triple,
-    times,
     triple,
     turn_by,
     vector_rate,
@@ -66,9 +62,9 @@ def tool_motion(
 def place_tool(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write point and frame of the tool at the present frames."""
     fixed, frame, i = mechanism.tool_rotation, workspace.tool_frame, mechanism.tool
-    x = (mechanism.tool_point[0], mechanism.tool_point[1], mechanism.tool_point[2])
-    point = in_world(workspace.rotation, workspace.origin, i, x)
-    workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2] = point
+    point = in_world(workspace.rotation, workspace.origin, i, of_array(mechanism.tool_point))
+    for a in range(3):
+        workspace.tool_point[a] = point[a]
     for a in range(3):
         for b in range(3):
             if i == BASE:
@@ -81,16 +77,16 @@ def place_tool(mechanism: Mechanism, workspace: Workspace) -> None:
 
 
 @inner
-def principal_rotation(mechanism: Mechanism, workspace: Workspace) -> Triple:
+def principal_rotation(mechanism: Mechanism, workspace: Workspace) -> Array:
     """Rotation vector of the tool, of an angle up to pi [rad]; zeros if it is not asked for."""
     for k in range(len(mechanism.coordinate)):
         if mechanism.coordinate[k] >= ROTATIONS:
             return rotation_vector(workspace.tool_frame[0], mechanism.tool_home)
-    return 0.0, 0.0, 0.0
+    return nothing()
 
 
 @inner
-def turning(mechanism: Mechanism, workspace: Workspace, apart: Triple) -> Triple:
+def turning(mechanism: Mechanism, workspace: Workspace, apart: Array) -> Array:
     """Rotation vector whose rate counts: that from home where only a part of it is asked for.
 
     Else its rate is the angular velocity, where the tool is not `apart` from where it should be.
@@ -147,7 +143,7 @@ def follow(mechanism: Mechanism, workspace: Workspace) -> bool:
 
 
 @inner
-def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Triple) -> None:
+def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Array) -> None:
     """Write the rate of the pose by the actuated joints; `x` is the rotation vector [rad]."""
     out, W, coordinate = workspace.tool_jacobian, workspace.W, mechanism.coordinate
     clear_matrix(out)
@@ -155,11 +151,11 @@ def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Triple) -> None
         for k in range(len(out)):
             out[k, k] = 1.0
         return
-    point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
+    point = of_array(workspace.tool_point)
     i, bent = mechanism.tool, bending(x)
     while i != BASE:
         turn = triple(workspace.S, i)
-        slide = velocity(turn, second_triple(workspace.S, i), point)
+        slide = velocity(turn, triple(workspace.S, i, 3), point)
         rotation = vector_rate_by(x, bent, turn)
         for k in range(len(coordinate)):
             c = coordinate[k]
@@ -170,7 +166,7 @@ def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Triple) -> None
 
 
 @inner
-def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Triple, out: Array) -> None:
+def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Array, out: Array) -> None:
     """Write the acceleration of the pose at none of the actuated joints, shape (m,).
 
     V and A are the motions and such accelerations of the bodies; `x` is the rotation vector.
@@ -179,14 +175,12 @@ def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Triple, out: Array)
     clear(out)
     if len(coordinate) == 0 or i == BASE:
         return
-    point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
+    point = of_array(workspace.tool_point)
     turning, angular = triple(workspace.V, i), triple(workspace.A, i)
-    moving = velocity(turning, second_triple(workspace.V, i), point)
-    linear = plus(
-        velocity(angular, second_triple(workspace.A, i), point), crossed(turning, moving)
-    )
+    moving = velocity(turning, triple(workspace.V, i, 3), point)
+    linear = velocity(angular, triple(workspace.A, i, 3), point) + cross(turning, moving)
     rate = vector_rate(x, turning)
-    rotation = vector_rate(x, minus(angular, jacobian_rate(x, rate)))
+    rotation = vector_rate(x, angular - jacobian_rate(x, rate))
     for k in range(len(coordinate)):
         c = coordinate[k]
         out[k] = linear[c] if c < ROTATIONS else rotation[c - ROTATIONS]
@@ -237,7 +231,7 @@ def aim(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
     place_tool(mechanism, workspace)
     read_pose(mechanism, workspace, begin)
     copy_matrix(frame[0], frame[1])
-    turn = (0.0, 0.0, 0.0)
+    turn = nothing()
     if workspace.layout.rotations == 3:
         _target(mechanism, workspace, pose, 1.0)
         turn = rotation_vector(frame[2], frame[1])
@@ -252,31 +246,36 @@ def aim(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
 @inner
 def _target(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> None:
     """Write the frame of the tool at a share of the way."""
-    vector = pose if share >= 1.0 else workspace.tool_way[1]
-    x, y, z = 0.0, 0.0, 0.0
-    for k in range(len(pose)):
-        if mechanism.coordinate[k] == ROTATIONS:
-            x = vector[k]
-        elif mechanism.coordinate[k] == ROTATIONS + 1:
-            y = vector[k]
-        elif mechanism.coordinate[k] == ROTATIONS + 2:
-            z = vector[k]
     if share >= 1.0:
-        turn_by((x, y, z), mechanism.tool_home, workspace.tool_frame[2])
+        turn_by(rotation_of(mechanism, pose), mechanism.tool_home, workspace.tool_frame[2])
     else:
-        way = times((x, y, z), share)
-        turn_by(way, workspace.tool_frame[1], workspace.tool_frame[2])
+        turn = share * rotation_of(mechanism, workspace.tool_way[1])
+        turn_by(turn, workspace.tool_frame[1], workspace.tool_frame[2])
 
 
 @inner
-def miss(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> Triple:
+def rotation_of(mechanism: Mechanism, pose: Array) -> Array:
+    """Rotation vector in a pose, or in a way of poses; zeros for what it has not."""
+    x, y, z = 0.0, 0.0, 0.0
+    for k in range(len(pose)):
+        if mechanism.coordinate[k] == ROTATIONS:
+            x = pose[k]
+        elif mechanism.coordinate[k] == ROTATIONS + 1:
+            y = pose[k]
+        elif mechanism.coordinate[k] == ROTATIONS + 2:
+            z = pose[k]
+    return vector((x, y, z))
+
+
+@inner
+def miss(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> Array:
     """Write how far the tool is from a share of the way.
 
     Returns:
         Rotation vector whose rate counts.
     """
     begin, way, error = workspace.tool_way[0], workspace.tool_way[1], workspace.tool_error
-    apart = (0.0, 0.0, 0.0)
+    apart = nothing()
     if workspace.layout.rotations == 3:
         _target(mechanism, workspace, pose, share)
         apart = rotation_vector(workspace.tool_frame[0], workspace.tool_frame[2])
@@ -298,15 +297,15 @@ def miss(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) 
 @inner
 def add_tool_rate(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
     """Add the rate of the pose at rates of the joints, shape (N,), to the error of the tool."""
-    point = (workspace.tool_point[0], workspace.tool_point[1], workspace.tool_point[2])
-    angular, linear, i = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), mechanism.tool
+    point = of_array(workspace.tool_point)
+    angular, linear, i = nothing(), nothing(), mechanism.tool
     while i != BASE:
         turn = triple(workspace.S, i)
-        slide = velocity(turn, second_triple(workspace.S, i), point)
-        angular = plus(angular, times(turn, rate[i]))
-        linear = plus(linear, times(slide, rate[i]))
+        slide = velocity(turn, triple(workspace.S, i, 3), point)
+        angular = angular + rate[i] * turn
+        linear = linear + rate[i] * slide
         i = mechanism.parent[i]
-    apart = (0.0, 0.0, 0.0)
+    apart = nothing()
     if workspace.layout.rotations == 3:
         apart = rotation_vector(workspace.tool_frame[0], workspace.tool_frame[2])
     rotation = vector_rate(turning(mechanism, workspace, apart), angular)

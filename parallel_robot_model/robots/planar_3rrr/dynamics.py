@@ -209,17 +209,10 @@ def pose_coriolis(
 def inverse_rows(columns: Columns) -> tuple[Array, Array, Array, float]:
     """Rows of the inverse of a matrix of shape (3, 3), and its determinant."""
     x, y, phi = columns
-    ax, ay, az = cross(y, phi)
-    bx, by, bz = cross(phi, x)
-    cx, cy, cz = cross(x, y)
-    determinant = ax * x[0] + ay * x[1] + az * x[2]
+    first = cross(y, phi)
+    determinant = dot(first, x)
     s = 1.0 / determinant
-    return (
-        vector((s * ax, s * ay, s * az)),
-        vector((s * bx, s * by, s * bz)),
-        vector((s * cx, s * cy, s * cz)),
-        determinant,
-    )
+    return s * first, s * cross(phi, x), s * cross(x, y), determinant
 
 
 @kernel
@@ -350,8 +343,7 @@ class Singularity(NamedTuple):
 def type_2_measure(robot: Constants, posture: Posture) -> float:
     """det Jx / l3, signed."""
     x, y, phi = jacobian_x(robot, posture)
-    ax, ay, az = cross(y, phi)
-    return (x[0] * ax + x[1] * ay + x[2] * az) * robot.per_l3
+    return dot(x, cross(y, phi)) * robot.per_l3
 
 
 @kernel
