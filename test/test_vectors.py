@@ -219,6 +219,9 @@ def test_functions_of_whole_vectors():
     zeros = run(compiled('lambda x: np.zeros_like(x)', np=np), (x * np.inf).view(Vector))
     assert same(zeros, np.zeros(3))
     assert same(run(compiled('lambda x: np.diag(x)', np=np), row), np.diag(x))
+    found = run(compiled('lambda a: np.transpose(a)', np=np), vector(X[:6].reshape(2, 3)))
+    assert type(found) is Vector and same(found, X[:6].reshape(2, 3).T)
+    assert same(run(compiled('lambda x: vector(x)', vector=vector), row), x)
 
 
 def test_a_product_is_summed_in_order():

@@ -11,9 +11,8 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler.kernels import kernel
-from parallel_robot_model.compiler.numba_parts import in_kernels
-from parallel_robot_model.compiler.vectors import VectorType, elementwise, emit, pack, vector
+from parallel_robot_model.compiler.kernels import inner, kernel
+from parallel_robot_model.compiler.vectors import VectorType, elementwise, on_vectors, vector
 
 
 @kernel
@@ -67,17 +66,14 @@ def solve(a: Array, b: Array) -> Array:
 
 
 def _solution(a: Any, b: Any) -> Any:
-    return _of_arrays(a, b).view(type(b))
-
-
-@overload(_solution, strict=False)
-def _solution_of(a: Any, b: Any) -> Any:
-    return _of_arrays if isinstance(a, types.Array) else lambda a, b: _of_vectors(a, b)
-
-
-def _of_arrays(a: Any, b: Any) -> Any:
     n = len(b)
-    lower, diagonal, x = np.empty((n, n)), np.empty(n), np.empty(n)
+    return _solved(a, b, np.empty((n, n)), np.empty(n), np.empty(n)).view(type(b))
+
+
+@inner
+def _solved(a: Any, b: Any, lower: Any, diagonal: Any, x: Any) -> Any:
+    """The solution, written to x; `lower` and `diagonal` are room for the factors."""
+    n = len(b)
     for i in range(n):
         total = a[i, i]
         for j in range(i):
@@ -98,48 +94,24 @@ def _of_arrays(a: Any, b: Any) -> Any:
     return x
 
 
-def _of_vectors(a: Any, b: Any) -> Any:
-    """The same as _of_arrays; in kernels unrolled."""
-    return _of_arrays(a, b).view(type(b))
+@overload(_solution, strict=False)
+def _solution_of_arrays(a: Any, b: Any) -> Any:
+    def solution(a: Any, b: Any) -> Any:
+        n = len(b)
+        return _solved(a, b, np.empty((n, n)), np.empty(n), np.empty(n))
+
+    return solution if isinstance(a, types.Array) else None
 
 
-@in_kernels(_of_vectors)
-def _unrolled(context: Any, a: Any, b: Any) -> Any:
-    n = b.count
+@on_vectors(_solution, (VectorType, VectorType))
+def _solution_of_vectors(context: Any, a: Any, b: Any) -> Any:
+    """The same, unrolled."""
+    solved: Any = _solved
+    room = np.empty((b.count + 2, b.count), object)
     element = elementwise(context, operator.mul, (a.element.element, b.element))
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        def apply(function: Any, x: Any, y: Any) -> Any:
-            return emit(context, builder, function, (element, element), (x, y))[1]
-
-        def minus(x: Any, y: Any, z: Any) -> Any:
-            """x - y z."""
-            return apply(operator.sub, x, apply(operator.mul, y, z))
-
-        rows = [builder.extract_value(values[0], i) for i in range(n)]
-        lower: dict[tuple[int, int], Any] = {}
-        diagonal: list[Any] = []
-        for i in range(n):
-            total = builder.extract_value(rows[i], i)
-            for j in range(i):
-                part = builder.extract_value(rows[i], j)
-                for k in range(j):
-                    left = apply(operator.mul, lower[i, k], diagonal[k])
-                    part = minus(part, left, lower[j, k])
-                lower[i, j] = apply(operator.truediv, part, diagonal[j])
-                total = minus(total, lower[i, j], part)
-            diagonal.append(total)
-        x = [builder.extract_value(values[1], i) for i in range(n)]
-        for i in range(n):
-            for j in range(i):
-                x[i] = minus(x[i], lower[i, j], x[j])
-        for i in reversed(range(n)):
-            x[i] = apply(operator.truediv, x[i], diagonal[i])
-            for j in range(i + 1, n):
-                x[i] = minus(x[i], lower[j, i], x[j])
-        return pack(context, builder, signature.return_type, x)
-
-    return VectorType(n, element)(a, b), generate
+    return VectorType(b.count, element), lambda a, b: solved.py_func(
+        a, b, room[2:], room[0], room[1]
+    )
 
 
 # Linear equations with a matrix that is zero far from its diagonal.

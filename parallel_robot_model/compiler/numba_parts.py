@@ -30,7 +30,6 @@ from numba.core.caching import (
 # What is emitted for a function or a field of a type of ours, and whose references it counts.
 from numba.core.imputils import (
     impl_ret_borrowed,
-    impl_ret_new_ref,
     lower_builtin,
     lower_getattr_generic,
     lower_setattr_generic,
@@ -60,10 +59,9 @@ from numba.np.ufunc_db import get_ufunc_info as loops_of
 __all__ = [
     'AttributeTemplate', 'CPUDispatcher', 'CachedDispatcher', 'CompileResultCacheImpl',
     'FunctionCache', 'FunctionModel', 'IndexDataCacheFile', 'NullCache', '_CacheLocator',
-    'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed',
-    'impl_ret_new_ref', 'in_kernels', 'infer_getattr', 'loaded_library', 'loops_of',
-    'lower_builtin', 'lower_getattr_generic', 'lower_setattr_generic', 'rtsys',
-    'symbols_of',
+    'address_of', 'bitcode_of', 'cgutils', 'cpu_target', 'impl_ret_borrowed', 'in_kernels',
+    'infer_getattr', 'loaded_library', 'loops_of', 'lower_builtin', 'lower_getattr_generic',
+    'lower_setattr_generic', 'rtsys', 'symbols_of',
 ]  # fmt: skip
 
 
@@ -144,13 +142,16 @@ def loaded_library(
     return library
 
 
-def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., Any]]:
+def in_kernels(
+    function: Callable[..., Any], *patterns: tuple[Any, ...]
+) -> Callable[[Any], Callable[..., Any]]:
     """Define what kernels run where they call a Python function.
 
     As numba.extending.intrinsic, whose functions have no Python body.
 
     Args:
         function: The function; its own body is what Python runs.
+        patterns: Classes of the types of the arguments that it is defined for; none: of all.
 
     Returns:
         A decorator. What it takes gets the typing context and the types of the arguments; it
@@ -162,17 +163,24 @@ def in_kernels(function: Callable[..., Any]) -> Callable[[Any], Callable[..., An
             key = function
 
             def generic(self, args: Any, kws: Any) -> Any:
-                defined = None if kws else define(self.context, *args)
+                fits = not kws and (not patterns or any(_fits(args, kinds) for kinds in patterns))
+                defined = define(self.context, *args) if fits else None
                 return defined[0] if defined else None
 
         Template.__name__ = Template.__qualname__ = function.__name__
         infer_global(function, types.Function(Template))
 
-        @lower_builtin(function, types.VarArg(types.Any))
         def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
             _, generate = define(context.typing_context, *signature.args)
             return generate(context, builder, signature, values)
 
+        for kinds in patterns or ((types.VarArg(types.Any),),):
+            lower_builtin(function, *kinds)(lower)
         return function
 
     return register
+
+
+def _fits(args: tuple[Any, ...], kinds: tuple[Any, ...]) -> bool:
+    pairs = zip(args, kinds, strict=False)
+    return len(args) == len(kinds) and all(k is types.Any or isinstance(a, k) for a, k in pairs)

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from typing import Any
 
 import numpy as np
 from numba import types
-from numba.extending import overload, type_callable
+from numba.extending import overload
 from numba.np.numpy_support import as_dtype
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import inner, kernel
-from parallel_robot_model.compiler.numba_parts import (
-    cgutils,
-    impl_ret_new_ref,
-    in_kernels,
-    lower_builtin,
-)
+from parallel_robot_model.compiler.numba_parts import cgutils, in_kernels
 from parallel_robot_model.compiler.vectors import (
+    Emitted,
     Vector,
     VectorType,
     aligned,
     as_arrays,
     as_vectors,
+    element_of,
+    emit,
     load,
-    pack,
+    on_vectors,
+    packed,
+    rows_of,
     shape_of,
     store,
+    through,
     tuple_like,
 )
 
@@ -106,17 +109,11 @@ def _write_row(context: Any, array: Any, index: Any, value: Any) -> Any:
 def select(condition: Any, a: Any, b: Any) -> Any:
     """`a` where a condition holds, else `b`: numbers, vectors and tuples of them."""
     if isinstance(a, tuple):
-        parts = [select(condition, *pair) for pair in zip(a, b, strict=True)]
-        return type(a)(*parts) if hasattr(a, '_fields') else tuple(parts)
+        return through(functools.partial(select, condition), a, b)
     if isinstance(condition, np.ndarray):
         chosen = np.where(*aligned((condition, a, b)))
         return chosen.view(type(condition))
     return a if condition else b
-
-
-@type_callable(select)
-def _type_of_select(context: Any) -> Any:
-    return lambda condition, a, b: _selected(condition, a, b)
 
 
 def _selected(condition: Any, a: Any, b: Any) -> Any:
@@ -134,7 +131,7 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
     if vectors:
         if len({kind.count for kind in vectors}) > 1:
             return None
-        inner = _selected(*(_element(kind) for kind in (condition, a, b)))
+        inner = _selected(*map(element_of, (condition, a, b)))
         return None if inner is None else VectorType(vectors[0].count, inner)
     if isinstance(a, types.Number) and isinstance(b, types.Number):
         if isinstance(a, types.Integer) and isinstance(b, types.Integer):
@@ -144,43 +141,23 @@ def _selected(condition: Any, a: Any, b: Any) -> Any:
     return a if a == b else None
 
 
-def _element(kind: Any) -> Any:
-    return kind.element if isinstance(kind, VectorType) else kind
+@on_vectors(select, (types.Any,) * 3)
+def _select(context: Any, *kinds: Any) -> Any:
+    to = _selected(*kinds)
+    return to, functools.partial(_choose, to)
 
 
-@lower_builtin(select, types.Any, types.Any, types.Any)
-def _select(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-    result = _choose(context, builder, signature.args, values, signature.return_type)
-    return impl_ret_new_ref(context, builder, signature.return_type, result)
-
-
-def _choose(context: Any, builder: Any, kinds: Any, values: Any, to: Any) -> Any:
-    (condition, a, b), (c, x, y) = kinds, values
+def _choose(to: Any, condition: Emitted, a: Emitted, b: Emitted) -> Any:
     if isinstance(to, types.BaseTuple):
-        parts = [
-            _choose(
-                context,
-                builder,
-                (condition, a.types[i], b.types[i]),
-                (c, builder.extract_value(x, i), builder.extract_value(y, i)),
-                to.types[i],
-            )
-            for i in range(len(to))
-        ]
-        return context.make_tuple(builder, to, parts)
+        parts = zip(to.types, a, b, strict=True)
+        return [_choose(kind, condition, *pair) for kind, *pair in parts]
     if isinstance(to, VectorType):
-        parts = []
-        for i in range(to.count):
-            each = [
-                builder.extract_value(value, i) if isinstance(kind, VectorType) else value
-                for kind, value in zip(kinds, values, strict=True)
-            ]
-            parts.append(_choose(context, builder, tuple(map(_element, kinds)), each, to.element))
-        return pack(context, builder, to, parts)
-    x, y = context.cast(builder, x, a, to), context.cast(builder, y, b, to)
-    result = builder.select(c, x, y)
-    context.nrt.incref(builder, to, result)
-    return result
+        return [_choose(to.element, *row) for row in rows_of(condition, a, b)]
+    (context, builder), c = condition.place, condition.value
+    x, y = packed(context, builder, to, a), packed(context, builder, to, b)
+    chosen = builder.select(c, x, y)
+    context.nrt.incref(builder, to, chosen)
+    return Emitted(context, builder, to, chosen)
 
 
 @overload(select, strict=False)
@@ -200,17 +177,14 @@ def some(condition: Any) -> Any:
     return np.any(condition)
 
 
-def _reduces(function: Any, instruction: str) -> None:
-    @type_callable(function)
-    def _type(context: Any) -> Any:
-        return lambda x: x.element if isinstance(x, VectorType) else None
+@on_vectors(every, (VectorType,))
+def _every(context: Any, x: Any) -> Any:
+    return x.element, functools.partial(functools.reduce, functools.partial(emit, operator.and_))
 
-    @lower_builtin(function, VectorType)
-    def _lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        result = builder.extract_value(values[0], 0)
-        for i in range(1, signature.args[0].count):
-            result = getattr(builder, instruction)(result, builder.extract_value(values[0], i))
-        return result
+
+@on_vectors(some, (VectorType,))
+def _some(context: Any, x: Any) -> Any:
+    return x.element, functools.partial(functools.reduce, functools.partial(emit, operator.or_))
 
 
 @overload(every, strict=False)
@@ -221,10 +195,6 @@ def _every_of_array(condition: Any) -> Any:
 @overload(some, strict=False)
 def _some_of_array(condition: Any) -> Any:
     return (lambda condition: np.any(condition)) if isinstance(condition, types.Array) else None
-
-
-_reduces(every, 'and_')
-_reduces(some, 'or_')
 
 
 @kernel
@@ -272,39 +242,23 @@ def _with_arrays(kind: Any) -> Any:
     return types.Array(scalar, len(shape), 'C') if shape else kind
 
 
-@in_kernels(arrays_of)
+@on_vectors(arrays_of)
 def _arrays_of(context: Any, value: Any) -> Any:
-    arrays = _with_arrays(value)
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        made = _array(context, builder, value, values[0])
-        return impl_ret_new_ref(context, builder, arrays, made)
-
-    return arrays(value), generate
+    return _with_arrays(value), _array
 
 
-@in_kernels(vectors_of)
+@on_vectors(vectors_of)
 def _vectors_of(context: Any, value: Any, like: Any) -> Any:
-    if value != _with_arrays(like):
-        return None
-
-    def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return _vector(context, builder, like, values[0], values[1])
-
-    return like(value, like), generate
+    return like if value == _with_arrays(like) else None, _vector
 
 
-def _array(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def _array(value: Emitted) -> Any:
     """Emit a value with arrays in place of its vectors."""
-    if isinstance(kind, types.BaseTuple):
-        parts = [
-            _array(context, builder, part, builder.extract_value(value, k))
-            for k, part in enumerate(kind)
-        ]
-        return context.make_tuple(builder, _with_arrays(kind), parts)
-    if not isinstance(kind, VectorType):
+    if isinstance(value.kind, types.BaseTuple):
+        return [_array(part) for part in value]
+    if not isinstance(value.kind, VectorType):
         return value
-    shape, scalar = shape_of(kind)
+    shape, scalar = shape_of(value.kind)
     dtype = as_dtype(scalar)
 
     def copied(x: Any) -> Any:
@@ -312,26 +266,16 @@ def _array(context: Any, builder: Any, kind: Any, value: Any) -> Any:
         write_row(copy, 0, x)
         return copy
 
-    return context.compile_internal(builder, copied, _with_arrays(kind)(kind), [value])
+    return _called(copied, _with_arrays(value.kind), value)
 
 
-def _vector(context: Any, builder: Any, kind: Any, value: Any, like: Any) -> Any:
+def _vector(value: Emitted, like: Emitted) -> Any:
     """Emit a value of a type with vectors in place of its arrays."""
-    if isinstance(kind, types.BaseTuple):
-        parts = [
-            _vector(
-                context,
-                builder,
-                part,
-                builder.extract_value(value, k),
-                builder.extract_value(like, k),
-            )
-            for k, part in enumerate(kind)
-        ]
-        return context.make_tuple(builder, kind, parts)
-    if not isinstance(kind, VectorType):
+    if isinstance(like.kind, types.BaseTuple):
+        return list(map(_vector, value, like))
+    if not isinstance(like.kind, VectorType):
         return value
-    shape, scalar = shape_of(kind)
+    shape, scalar = shape_of(like.kind)
     count = math.prod(shape)
 
     def floats(x: Any, like: Any) -> Any:
@@ -340,6 +284,13 @@ def _vector(context: Any, builder: Any, kind: Any, value: Any, like: Any) -> Any
     def others(x: Any, like: Any) -> Any:
         return read_row(x, 0, like) if x.size == count else like
 
-    copied = floats if scalar == types.float64 else others
-    signature = kind(_with_arrays(kind), kind)
-    return context.compile_internal(builder, copied, signature, [value, like])
+    return _called(floats if scalar == types.float64 else others, like.kind, value, like)
+
+
+def _called(function: Any, to: Any, *values: Emitted) -> Emitted:
+    """Emit the call of a Python function that is compiled for it."""
+    context, builder = values[0].place
+    signature, given = to(*(each.kind for each in values)), [each.value for each in values]
+    return Emitted(
+        *values[0].place, to, context.compile_internal(builder, function, signature, given)
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import operator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numba
@@ -16,12 +17,11 @@ from numba.extending import (
     box,
     models,
     register_model,
-    type_callable,
     typeof_impl,
     unbox,
 )
 
-from parallel_robot_model.compiler.numba_parts import cgutils, lower_builtin
+from parallel_robot_model.compiler.numba_parts import cgutils, in_kernels
 
 # Numba's type of vectors: how they are stored, and how they come from Python.
 #
@@ -63,11 +63,16 @@ class Vector(np.ndarray):
             return super().__getitem__(index)
 
 
+def through(function: Any, *values: Any) -> Any:
+    """A tuple of the class of the first one, of what a function makes of the elements."""
+    parts = map(function, *values)
+    return type(values[0])(*parts) if hasattr(values[0], '_fields') else tuple(parts)
+
+
 def divisible(value: Any) -> Any:
     """A value, or a tuple of them, with floats that Python can divide by zero, as kernels do."""
     if isinstance(value, tuple):
-        parts = map(divisible, value)
-        return type(value)(*parts) if hasattr(value, '_fields') else tuple(parts)
+        return through(divisible, value)
     return np.float64(value) if type(value) is float else value
 
 
@@ -212,48 +217,36 @@ def _array(data: bytes, how: tuple[tuple[int, ...], str]) -> Any:
 
 def load(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
     """Emit the reading of a value of a type from the consecutive elements of an array."""
-    _, scalar = shape_of(kind)
+    shape, scalar = shape_of(kind)
     if scalar == types.boolean:
-        return _bytes_to_bits(context, builder, kind, pointer)
+        source = builder.bitcast(pointer, ir.IntType(8).as_pointer())
+        places = np.arange(math.prod(shape)).reshape(shape).tolist()
+        return packed(context, builder, kind, _bits(context, builder, source, places))
     to = context.get_value_type(kind).as_pointer()
     return builder.load(builder.bitcast(pointer, to), align=1)
 
 
+def _bits(context: Any, builder: Any, source: Any, places: Any) -> Any:
+    """Emit truth values, of one byte each, at places."""
+    if isinstance(places, list):
+        return [_bits(context, builder, source, each) for each in places]
+    byte = builder.load(builder.gep(source, [ir.Constant(ir.IntType(64), places)]))
+    return Emitted(context, builder, types.boolean, builder.trunc(byte, ir.IntType(1)))
+
+
 def store(context: Any, builder: Any, kind: Any, value: Any, pointer: Any) -> None:
     """Emit the writing of a value of a type to the consecutive elements of an array."""
-    _, scalar = shape_of(kind)
+    shape, scalar = shape_of(kind)
     if scalar == types.boolean:
         byte = ir.IntType(8)
         target = builder.bitcast(pointer, byte.as_pointer())
-        for at, bit in enumerate(_scalars(builder, kind, value)):
+        for at, place in enumerate(np.ndindex(shape)):
             slot = builder.gep(target, [ir.Constant(ir.IntType(64), at)])
+            bit = builder.extract_value(value, place) if shape else value
             builder.store(builder.zext(bit, byte) if bit.type.width < 8 else bit, slot)
         return
     to = context.get_value_type(kind).as_pointer()
     builder.store(value, builder.bitcast(pointer, to), align=1)
-
-
-def _scalars(builder: Any, kind: Any, value: Any) -> list[Any]:
-    if isinstance(kind, VectorType):
-        parts = [builder.extract_value(value, i) for i in range(kind.count)]
-        return [each for part in parts for each in _scalars(builder, kind.element, part)]
-    return [value]
-
-
-def _bytes_to_bits(context: Any, builder: Any, kind: Any, pointer: Any) -> Any:
-    source = builder.bitcast(pointer, ir.IntType(8).as_pointer())
-    counter = iter(range(1 << 30))
-
-    def read(part: Any) -> Any:
-        result = ir.Constant(context.get_value_type(part), ir.Undefined)
-        if isinstance(part, VectorType):
-            for i in range(part.count):
-                result = builder.insert_value(result, read(part.element), i)
-            return result
-        slot = builder.gep(source, [ir.Constant(ir.IntType(64), next(counter))])
-        return builder.trunc(builder.load(slot), ir.IntType(1))
-
-    return read(kind)
 
 
 def vector(values: Any) -> Any:
@@ -264,8 +257,7 @@ def vector(values: Any) -> Any:
 def as_vectors(values: Any) -> Any:
     """Tuples of numbers and arrays with vectors in place of the arrays."""
     if isinstance(values, tuple):
-        parts = map(as_vectors, values)
-        return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
+        return through(as_vectors, values)
     if type(values) is np.ndarray and values.dtype in _SCALARS:
         return np.array(values, order='C').view(Vector)
     return values
@@ -274,8 +266,7 @@ def as_vectors(values: Any) -> Any:
 def as_arrays(values: Any) -> Any:
     """Tuples of numbers and vectors with arrays in place of the vectors."""
     if isinstance(values, tuple):
-        parts = map(as_arrays, values)
-        return type(values)(*parts) if hasattr(values, '_fields') else tuple(parts)
+        return through(as_arrays, values)
     return np.array(values) if type(values) is Vector else values
 
 
@@ -328,66 +319,121 @@ def _signature(context: Any, function: Any, kinds: tuple[Any, ...]) -> Any:
     return context.resolve_value_type(function).get_call_type(context, kinds, {})
 
 
-def emit(
-    context: Any, builder: Any, function: Any, kinds: tuple[Any, ...], values: tuple[Any, ...]
-) -> tuple[Any, Any]:
-    """Emit a function of vectors and scalars; returns type and value of the result."""
-    counts = [kind.count for kind in kinds if isinstance(kind, VectorType)]
-    if counts:
-        inner, elements = None, []
-        for i in range(counts[0]):
-            parts = tuple(
-                builder.extract_value(value, i) if isinstance(kind, VectorType) else value
-                for kind, value in zip(kinds, values, strict=True)
-            )
-            inner, element = emit(context, builder, function, tuple(map(element_of, kinds)), parts)
-            elements.append(element)
-        inner = inner or elementwise(context.typing_context, function, kinds).element
-        kind = VectorType(counts[0], inner)
-        return kind, pack(context, builder, kind, elements)
+class Emitted:
+    """A value in a kernel whose code is being emitted: what is computed with it is emitted."""
+
+    def __init__(self, context: Any, builder: Any, kind: Any, value: Any) -> None:
+        # kind: type of a number, a vector or a tuple; value: what LLVM has of it
+        self.place, self.kind, self.value = (context, builder), kind, value
+
+    def __len__(self) -> int:
+        """Number of the elements of a vector or a tuple."""
+        return self.kind.count if isinstance(self.kind, VectorType) else len(self.kind)
+
+    def __iter__(self) -> Iterator[Emitted]:
+        """Its elements."""
+        return map(self.__getitem__, range(len(self)))
+
+    def __getitem__(self, index: Any) -> Emitted:
+        """An element; that of a matrix by row and column."""
+        if isinstance(index, tuple):
+            return self[index[0]][index[1]]
+        kind = self.kind.element if isinstance(self.kind, VectorType) else self.kind.types[index]
+        return Emitted(*self.place, kind, self.place[1].extract_value(self.value, index))
+
+    def __add__(self, other: Emitted) -> Emitted:
+        """Sum."""
+        return emit(operator.add, self, other)
+
+    def __sub__(self, other: Emitted) -> Emitted:
+        """Difference."""
+        return emit(operator.sub, self, other)
+
+    def __mul__(self, other: Emitted) -> Emitted:
+        """Product."""
+        return emit(operator.mul, self, other)
+
+    def __truediv__(self, other: Emitted) -> Emitted:
+        """Quotient."""
+        return emit(operator.truediv, self, other)
+
+
+def rows_of(*values: Emitted) -> Any:
+    """The elements of vectors that go together; a scalar counts for all."""
+    count = next(len(each) for each in values if isinstance(each.kind, VectorType))
+    return zip(
+        *([x] * count if not isinstance(x.kind, VectorType) else x for x in values), strict=True
+    )
+
+
+def emit(function: Any, *values: Emitted) -> Emitted:
+    """Emit a function of vectors and scalars."""
+    context, builder = values[0].place
+    kinds = tuple(each.kind for each in values)
+    if any(isinstance(kind, VectorType) for kind in kinds):
+        to = elementwise(context.typing_context, function, kinds)
+        elements = [emit(function, *row) for row in rows_of(*values)]
+        return Emitted(context, builder, to, packed(context, builder, to, elements))
     signature = _signature(context.typing_context, function, kinds)
     call = context.get_function(context.typing_context.resolve_value_type(function), signature)
-    given = [
-        context.cast(builder, value, kind, to)
-        for value, kind, to in zip(values, kinds, signature.args, strict=True)
-    ]
-    return signature.return_type, call(builder, given)
+    given = [packed(context, builder, *pair) for pair in zip(signature.args, values, strict=True)]
+    return Emitted(context, builder, signature.return_type, call(builder, given))
 
 
-def pack(context: Any, builder: Any, kind: VectorType, elements: list[Any]) -> Any:
-    """Emit a vector of elements."""
-    result = ir.Constant(context.get_value_type(kind), ir.Undefined)
-    for i, element in enumerate(elements):
-        result = builder.insert_value(result, element, i)
-    return result
+def packed(context: Any, builder: Any, to: Any, result: Any) -> Any:
+    """Emit a value of a type: of one that is emitted, of its elements, or zeros for None."""
+    if result is None:
+        return ir.Constant(context.get_value_type(to), None)
+    if isinstance(result, Emitted):
+        return context.cast(builder, result.value, result.kind, to)
+    kinds = to.types if isinstance(to, types.BaseTuple) else [to.element] * to.count
+    parts = [packed(context, builder, *pair) for pair in zip(kinds, result, strict=True)]
+    if isinstance(to, types.BaseTuple):
+        return context.make_tuple(builder, to, parts)
+    whole = ir.Constant(context.get_value_type(to), ir.Undefined)
+    for i, part in enumerate(parts):
+        whole = builder.insert_value(whole, part, i)
+    return whole
+
+
+def on_vectors(function: Any, *patterns: tuple[Any, ...]) -> Callable[[Any], Any]:
+    """Define a function of vectors by what is computed with their elements.
+
+    Args:
+        function: The function that kernels call.
+        patterns: Classes of the types of its arguments; none: all types.
+
+    Returns:
+        A decorator. What it takes gets the typing context and the types of the arguments; it
+        returns the type of the result, None if there is none, and a function of Emitted that makes
+        it: one, a list of elements, or None for zeros.
+    """
+
+    def register(define: Any) -> Any:
+        @in_kernels(function, *patterns)
+        def _defined(context: Any, *kinds: Any) -> Any:
+            to, compute = define(context, *kinds)
+
+            def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
+                parts = zip(signature.args, values, strict=True)
+                given = [Emitted(context, builder, kind, value) for kind, value in parts]
+                return packed(context, builder, to, compute(*given))
+
+            return None if to is None else (to(*kinds), generate)
+
+        return define
+
+    return register
 
 
 def _register(name: Any, arity: int, function: Any = None) -> None:
     """Register a function under a name, its own or that of the operator in place."""
     function = function or name
+    two = (VectorType, VectorType), (VectorType, types.Any), (types.Any, VectorType)
 
-    def typer_of_one(context: Any) -> Any:
-        def typer(a: Any) -> Any:
-            return elementwise(context, function, (a,)) if isinstance(a, VectorType) else None
-
-        return typer
-
-    def typer_of_two(context: Any) -> Any:
-        def typer(a: Any, b: Any) -> Any:
-            ours = isinstance(a, VectorType) or isinstance(b, VectorType)
-            return elementwise(context, function, (a, b)) if ours else None
-
-        return typer
-
-    def lower(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return emit(context, builder, function, signature.args, values)[1]
-
-    type_callable(name)(typer_of_one if arity == 1 else typer_of_two)
-    if arity == 1:
-        lower_builtin(name, VectorType)(lower)
-        return
-    for pair in ((VectorType, VectorType), (VectorType, types.Any), (types.Any, VectorType)):
-        lower_builtin(name, *pair)(lower)
+    @on_vectors(name, *(((VectorType,),) if arity == 1 else two))
+    def _defined(context: Any, *kinds: Any) -> Any:
+        return elementwise(context, function, kinds), functools.partial(emit, function)
 
 
 for _each in UNARY:
