@@ -42,11 +42,10 @@ def pose_dynamics(pose, rate):
     posture = posture_at(CONSTANTS, vector(pose))
     maps = velocity_maps(CONSTANTS, posture)
     rates = rates_of(maps, vector(rate))
-    xx, xy, xp, yy, yp, pp = pose_inertia(CONSTANTS, posture, maps)
+    M_x = np.array(pose_inertia(CONSTANTS, posture, maps))
     maps_dot = map_rates(CONSTANTS, posture, maps, rates)
     Q_x = pose_coriolis(CONSTANTS, posture, maps, maps_dot, rates)
-    M_x = np.array([[xx, xy, xp], [xy, yy, yp], [xp, yp, pp]])
-    return M_x, np.array(Q_x), np.column_stack(maps.H)
+    return M_x, np.array(Q_x), np.array(maps.H)
 
 
 def jacobian(pose):

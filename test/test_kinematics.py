@@ -91,12 +91,12 @@ def test_velocity_maps_are_the_derivatives_of_the_joint_angles(pose, rate):
     maps = dynamics.velocity_maps(boxed(planar_3rrr, ROBOT), posture_at(pose))
     h = 1e-5
     for j, shift in enumerate(h * np.eye(3)):
-        for column, angles in ((maps.H[j], 0), (maps.K[j], 1)):
+        for column, angles in ((maps.H[:, j], 0), (maps.K[:, j], 1)):
             change = legs(ROBOT, pose + shift)[angles] - legs(ROBOT, pose - shift)[angles]
             assert np.allclose(column, wrap(change) / (2 * h), rtol=1e-5, atol=1e-6)
     rates = dynamics.rates_of(maps, vector(rate))
-    assert np.allclose(rates.theta, matrix(maps.H) @ rate, rtol=1e-13, atol=1e-13)
-    assert np.allclose(rates.beta, matrix(maps.K) @ rate, rtol=1e-13, atol=1e-13)
+    assert np.allclose(rates.theta, np.array(maps.H) @ rate, rtol=1e-13, atol=1e-13)
+    assert np.allclose(rates.beta, np.array(maps.K) @ rate, rtol=1e-13, atol=1e-13)
     assert rates.phi == rate[2]
 
 
@@ -111,10 +111,11 @@ def test_rates_of_the_velocity_maps_are_their_derivatives_along_the_motion(pose,
     rates = dynamics.rates_of(here, vector(rate))
     changes = dynamics.map_rates(robot, posture_at(pose), here, rates)
     apart = dynamics.centripetal(robot, posture_at(pose), rates)
-    for columns, plus, minus, rest in zip(changes, ahead, behind, apart, strict=True):
-        change = matrix(columns)
+    for change, plus, minus, rest in zip(
+        map(np.array, changes), ahead, behind, apart, strict=True
+    ):
         scale = max(1.0, np.abs(change).max())
-        assert np.abs(change - (matrix(plus) - matrix(minus)) / (2 * h)).max() < 1e-5 * scale
+        assert np.abs(change - np.array(plus - minus) / (2 * h)).max() < 1e-5 * scale
         assert np.allclose(change @ rate, rest, rtol=1e-9, atol=1e-11 * scale)
 
 

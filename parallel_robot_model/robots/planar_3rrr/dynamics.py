@@ -38,10 +38,10 @@ class Columns(NamedTuple):
 
 
 class Maps(NamedTuple):
-    """Velocity maps at a posture: thetadot = H Xdot, betadot = K Xdot."""
+    """Velocity maps at a posture, thetadot = H Xdot, betadot = K Xdot, each with a row a leg."""
 
-    H: Columns
-    K: Columns
+    H: Array
+    K: Array
 
 
 class Rates(NamedTuple):
@@ -50,12 +50,6 @@ class Rates(NamedTuple):
     theta: Array
     beta: Array
     phi: float
-
-
-@kernel
-def apply(columns: Columns, rate: Array) -> Array:
-    """Product of a matrix and a vector of shape (3,)."""
-    return columns.x * rate[0] + columns.y * rate[1] + columns.phi * rate[2]
 
 
 @kernel
@@ -81,24 +75,15 @@ def velocity_maps(robot: Constants, posture: Posture) -> Maps:
     inverse = 1.0 / posture.sin_psi
     to_theta, to_beta = inverse * robot.per_l1, -inverse * robot.per_l2
     ct, st, cb, sb = posture.ct, posture.st, posture.cb, posture.sb
-    return Maps(
-        Columns(
-            to_theta * cb,
-            to_theta * sb,
-            to_theta * (sb * posture.arm_x - cb * posture.arm_y),
-        ),
-        Columns(
-            to_beta * ct,
-            to_beta * st,
-            to_beta * (st * posture.arm_x - ct * posture.arm_y),
-        ),
-    )
+    H = to_theta * cb, to_theta * sb, to_theta * (sb * posture.arm_x - cb * posture.arm_y)
+    K = to_beta * ct, to_beta * st, to_beta * (st * posture.arm_x - ct * posture.arm_y)
+    return Maps(np.transpose(vector(H)), np.transpose(vector(K)))
 
 
 @kernel
 def rates_of(maps: Maps, rate: Array) -> Rates:
     """Rates of the joints at a rate of the pose [m/s, m/s, rad/s], shape (3,)."""
-    return Rates(apply(maps.H, rate), apply(maps.K, rate), rate[2])
+    return Rates(maps.H @ rate, maps.K @ rate, rate[2])
 
 
 @kernel
@@ -108,22 +93,13 @@ def map_rates(robot: Constants, posture: Posture, maps: Maps, rates: Rates) -> M
     to_theta, to_beta = inverse * robot.per_l1, -inverse * robot.per_l2
     ct, st, cb, sb = posture.ct, posture.st, posture.cb, posture.sb
     arm_x, arm_y = posture.arm_x, posture.arm_y
-    H, K = maps
     shrink = posture.cos_psi * inverse * (rates.beta - rates.theta)
     along_beta = (cb * arm_x + sb * arm_y) * (rates.beta - rates.phi)
     along_theta = (ct * arm_x + st * arm_y) * (rates.theta - rates.phi)
-    return Maps(
-        Columns(
-            -to_theta * sb * rates.beta - shrink * H.x,
-            to_theta * cb * rates.beta - shrink * H.y,
-            to_theta * along_beta - shrink * H.phi,
-        ),
-        Columns(
-            -to_beta * st * rates.theta - shrink * K.x,
-            to_beta * ct * rates.theta - shrink * K.y,
-            to_beta * along_theta - shrink * K.phi,
-        ),
-    )
+    H = -to_theta * sb * rates.beta, to_theta * cb * rates.beta, to_theta * along_beta
+    K = -to_beta * st * rates.theta, to_beta * ct * rates.theta, to_beta * along_theta
+    H_dot = np.transpose(vector(H)) - shrink * maps.H
+    return Maps(H_dot, np.transpose(vector(K)) - shrink * maps.K)
 
 
 @kernel
@@ -143,66 +119,32 @@ def centripetal(robot: Constants, posture: Posture, rates: Rates) -> tuple[Array
     return inverse * robot.per_l1 * theta, -inverse * robot.per_l2 * beta
 
 
-class Symmetric(NamedTuple):
-    """A symmetric matrix of shape (3, 3) in pose coordinates."""
-
-    xx: float
-    xy: float
-    xp: float
-    yy: float
-    yp: float
-    pp: float
-
-
-class Row(NamedTuple):
-    """A row of a matrix of shape (3, 3) in pose coordinates."""
-
-    x: float
-    y: float
-    phi: float
+@kernel
+def pose_inertia(robot: Constants, posture: Posture, maps: Maps) -> Array:
+    """M_x = sum over the legs of [H; K]^T M_leg [H; K], plus that of the platform."""
+    H, K = maps
+    m = robot.h * posture.cos_psi
+    M = np.transpose(H) @ (robot.a * H + m * K) + np.transpose(K) @ (m * H + robot.b * K)
+    xx, yy, pp = robot.mp + M[0, 0], robot.mp + M[1, 1], robot.Ip + M[2, 2]
+    return symmetric(xx, M[0, 1], M[0, 2], yy, M[1, 2], pp)
 
 
 @kernel
-def pose_inertia(robot: Constants, posture: Posture, maps: Maps) -> Symmetric:
-    """M_x = sum over the legs of [H; K]^T M_leg [H; K], plus that of the platform."""
-    (hx, hy, hp), (kx, ky, kp) = maps
-    m = robot.h * posture.cos_psi
-    x, y, p = robot.a * hx + m * kx, robot.a * hy + m * ky, robot.a * hp + m * kp
-    u, v, w = m * hx + robot.b * kx, m * hy + robot.b * ky, m * hp + robot.b * kp
-    return Symmetric(
-        robot.mp + (dot(hx, x) + dot(kx, u)),
-        dot(hx, y) + dot(kx, v),
-        dot(hx, p) + dot(kx, w),
-        robot.mp + (dot(hy, y) + dot(ky, v)),
-        dot(hy, p) + dot(ky, w),
-        robot.Ip + (dot(hp, p) + dot(kp, w)),
-    )
+def symmetric(xx: float, xy: float, xz: float, yy: float, yz: float, zz: float) -> Array:
+    """A symmetric matrix by the elements on its diagonal and right of it."""
+    return vector((vector((xx, xy, xz)), vector((xy, yy, yz)), vector((xz, yz, zz))))
 
 
 @kernel
 def pose_coriolis(
     robot: Constants, posture: Posture, maps: Maps, maps_dot: Maps, rates: Rates
-) -> tuple[Row, Row, Row]:
-    """Q_x, by rows: sum over the legs of [H; K]^T (M_leg [Hdot; Kdot] + C_leg [H; K])."""
+) -> Array:
+    """Q_x: sum over the legs of [H; K]^T (M_leg [Hdot; Kdot] + C_leg [H; K])."""
     m, n = robot.h * posture.cos_psi, robot.h * posture.sin_psi
-    H, K = maps
-    H_dot, K_dot = maps_dot
-    down, up = n * rates.beta, n * rates.theta
-    px = robot.a * H_dot.x + m * K_dot.x - down * K.x
-    py = robot.a * H_dot.y + m * K_dot.y - down * K.y
-    pp = robot.a * H_dot.phi + m * K_dot.phi - down * K.phi
-    rx = m * H_dot.x + robot.b * K_dot.x + up * H.x
-    ry = m * H_dot.y + robot.b * K_dot.y + up * H.y
-    rp = m * H_dot.phi + robot.b * K_dot.phi + up * H.phi
-    return (
-        Row(dot(H.x, px) + dot(K.x, rx), dot(H.x, py) + dot(K.x, ry), dot(H.x, pp) + dot(K.x, rp)),
-        Row(dot(H.y, px) + dot(K.y, rx), dot(H.y, py) + dot(K.y, ry), dot(H.y, pp) + dot(K.y, rp)),
-        Row(
-            dot(H.phi, px) + dot(K.phi, rx),
-            dot(H.phi, py) + dot(K.phi, ry),
-            dot(H.phi, pp) + dot(K.phi, rp),
-        ),
-    )
+    (H, K), (H_dot, K_dot) = maps, maps_dot
+    p = robot.a * H_dot + m * K_dot - n * rates.beta * K
+    r = m * H_dot + robot.b * K_dot + n * rates.theta * H
+    return np.transpose(H) @ p + np.transpose(K) @ r
 
 
 @kernel
@@ -236,49 +178,16 @@ def actuated_dynamics(robot: Constants, posture: Posture, theta_dot: Array) -> M
     maps = velocity_maps(robot, posture)
     rates = rates_of(maps, rate)
     maps_dot = map_rates(robot, posture, maps, rates)
-    # 2. The rows of J = H^-1 = Jx^-1 Jq.
+    # 2. J = H^-1 = Jx^-1 Jq.
     q = jacobian_q(robot, posture)
-    jx, jy, jp = ix * q, iy * q, ip * q
+    J = vector((ix * q, iy * q, ip * q))
     # 3. M = J^T (M_x J).
-    inertia = pose_inertia(robot, posture, maps)
-    mx = inertia.xx * jx + inertia.xy * jy + inertia.xp * jp
-    my = inertia.xy * jx + inertia.yy * jy + inertia.yp * jp
-    mp = inertia.xp * jx + inertia.yp * jy + inertia.pp * jp
-    m01 = jx[0] * mx[1] + jy[0] * my[1] + jp[0] * mp[1]
-    m02 = jx[0] * mx[2] + jy[0] * my[2] + jp[0] * mp[2]
-    m12 = jx[1] * mx[2] + jy[1] * my[2] + jp[1] * mp[2]
-    M = vector(
-        (
-            vector((jx[0] * mx[0] + jy[0] * my[0] + jp[0] * mp[0], m01, m02)),
-            vector((m01, jx[1] * mx[1] + jy[1] * my[1] + jp[1] * mp[1], m12)),
-            vector((m02, m12, jx[2] * mx[2] + jy[2] * my[2] + jp[2] * mp[2])),
-        )
-    )
-    # 4. Q = J^T (Q_x - (M_x J) H_dot) J, whose factors in pose coordinates are three rows.
-    H_dot = maps_dot.H
-    row_x, row_y, row_p = pose_coriolis(robot, posture, maps, maps_dot, rates)
-    qx = (
-        (row_x.x - dot(mx, H_dot.x)) * jx
-        + (row_x.y - dot(mx, H_dot.y)) * jy
-        + (row_x.phi - dot(mx, H_dot.phi)) * jp
-    )
-    qy = (
-        (row_y.x - dot(my, H_dot.x)) * jx
-        + (row_y.y - dot(my, H_dot.y)) * jy
-        + (row_y.phi - dot(my, H_dot.phi)) * jp
-    )
-    qp = (
-        (row_p.x - dot(mp, H_dot.x)) * jx
-        + (row_p.y - dot(mp, H_dot.y)) * jy
-        + (row_p.phi - dot(mp, H_dot.phi)) * jp
-    )
-    Q = vector(
-        (
-            jx[0] * qx + jy[0] * qy + jp[0] * qp,
-            jx[1] * qx + jy[1] * qy + jp[1] * qp,
-            jx[2] * qx + jy[2] * qy + jp[2] * qp,
-        )
-    )
+    MJ, J_t = pose_inertia(robot, posture, maps) @ J, np.transpose(J)
+    M = J_t @ MJ
+    M = symmetric(M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2])
+    # 4. Q = J^T (Q_x - (M_x J) H_dot) J.
+    Q_x = pose_coriolis(robot, posture, maps, maps_dot, rates)
+    Q = J_t @ ((Q_x - MJ @ maps_dot.H) @ J)
     return Model(M, Q, 0.0 * q)
 
 
@@ -305,27 +214,12 @@ def acceleration(
     drive = net_torque(load, torque, rates.theta, time)
     p = drive - (robot.a * theta + m * beta - n * (rates.beta * rates.beta))
     r = m * theta + robot.b * beta + n * (rates.theta * rates.theta)
-    # 2. Forces in the pose.
-    H, K = maps
-    fx = dot(H.x, p) - dot(K.x, r)
-    fy = dot(H.y, p) - dot(K.y, r)
-    fp = dot(H.phi, p) - dot(K.phi, r)
+    # 2. Force in the pose.
+    force = np.transpose(maps.H) @ p - np.transpose(maps.K) @ r
     # 3. M_x Xdd = force by the adjugate of the symmetric M_x.
     M = pose_inertia(robot, posture, maps)
-    axx = M.yy * M.pp - M.yp * M.yp
-    axy = M.xp * M.yp - M.xy * M.pp
-    axp = M.xy * M.yp - M.xp * M.yy
-    ayy = M.xx * M.pp - M.xp * M.xp
-    ayp = M.xy * M.xp - M.xx * M.yp
-    app = M.xx * M.yy - M.xy * M.xy
-    scale = 1.0 / (M.xx * axx + M.xy * axy + M.xp * axp)
-    return vector(
-        (
-            scale * (axx * fx + axy * fy + axp * fp),
-            scale * (axy * fx + ayy * fy + ayp * fp),
-            scale * (axp * fx + ayp * fy + app * fp),
-        )
-    )
+    adjugate = vector((cross(M[1], M[2]), cross(M[2], M[0]), cross(M[0], M[1])))
+    return (1.0 / dot(M[0], adjugate[0])) * (adjugate @ force)
 
 
 # How far the robot is from its singularities.

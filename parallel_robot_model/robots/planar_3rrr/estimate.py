@@ -26,7 +26,6 @@ from parallel_robot_model.robots.contract import (
 )
 from parallel_robot_model.robots.planar_3rrr.dynamics import (
     actuated_dynamics,
-    apply,
     centripetal,
     condition_numbers,
     determinants,
@@ -190,7 +189,7 @@ def joint_motion(robot: Constants, motion: PoseMotion) -> JointMotion:
     return JointMotion(
         theta_of(robot, posture, motion.pose),
         rates.theta,
-        apply(maps.H, motion.acceleration) + theta,
+        maps.H @ motion.acceleration + theta,
         np.arctan2(posture.sb, posture.cb),
         out_of_reach(posture),
     )
