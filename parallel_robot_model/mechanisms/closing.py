@@ -67,6 +67,16 @@ def remember(mechanism: Mechanism, workspace: Workspace) -> None:
 
 
 @inner
+def leave(mechanism: Mechanism, workspace: Workspace, fault: int, angle: float) -> int:
+    """Let the memory be the trial, or place the joints at the memory where there is a fault."""
+    if fault == FOUND:
+        remember(mechanism, workspace)
+    else:
+        go_back(mechanism, workspace, angle)
+    return fault
+
+
+@inner
 def go_back(mechanism: Mechanism, workspace: Workspace, angle: float) -> None:
     """Place the joints at the memory again."""
     workspace.angle[0] = angle
@@ -201,11 +211,7 @@ def _close(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float
         fault = FOUND
     else:
         fault = _go(mechanism, workspace, q, accuracy)
-    if fault == FOUND:
-        remember(mechanism, workspace)
-    else:
-        go_back(mechanism, workspace, angle)
-    return fault
+    return leave(mechanism, workspace, fault, angle)
 
 
 @inner
@@ -245,7 +251,7 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
         elif not _step(mechanism, workspace, q, share, bent, length, accuracy):
             failed = NOT_CLOSED
         if failed == FOUND:
-            failed = _settle_there(mechanism, workspace, last and exactly)
+            failed = settle_there(mechanism, workspace, last and exactly)
         if failed == FOUND and near and not exactly:
             failed = FOUND if correct(workspace) <= ON_THE_WAY else NOT_CLOSED
         if failed == FOUND and not follow(mechanism, workspace):
@@ -261,15 +267,20 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
             share = 2.0 * share / (1.0 - share)
             share = share if share < 0.9 else 1.0
             continue
-        if last or failed == SINGULAR:
-            _return_here(mechanism, workspace)
+        if last or failed == SINGULAR:  # have the factors of the last posture of the way again
+            copy(workspace.here, workspace.trial)
+            settle(mechanism, workspace)
         share = share if near else 0.5 * share
         near = False
-    return _what_stops(mechanism, workspace, length)
+    driven = 0.0
+    for j in range(len(q)):
+        i = mechanism.actuated[j]
+        driven = max(driven, abs(workspace.way[0, i]) / workspace.layout.scale[i])
+    return what_stops(length, driven)
 
 
 @inner
-def _settle_there(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> int:
+def settle_there(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> int:
     """Have errors and factors of the trial, which becomes exact or stays; FOUND or a fault."""
     sign, fault = workspace.state[SIGN], FOUND
     if exactly:
@@ -281,20 +292,9 @@ def _settle_there(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> 
 
 
 @inner
-def _what_stops(mechanism: Mechanism, workspace: Workspace, length: float) -> int:
-    """Why a way ends at `here`: beyond its reach a machine would move ever faster."""
-    driven = 0.0
-    for j in range(len(mechanism.actuated)):
-        i = mechanism.actuated[j]
-        driven = max(driven, abs(workspace.way[0, i]) / workspace.layout.scale[i])
+def what_stops(length: float, driven: float) -> int:
+    """Why a way ends at `here`: beyond its reach joints would move ever faster than is driven."""
     return NOT_CLOSED if not length <= FAST * driven else SINGULAR
-
-
-@inner
-def _return_here(mechanism: Mechanism, workspace: Workspace) -> None:
-    """Have the factors of the last posture of the way again."""
-    copy(workspace.here, workspace.trial)
-    settle(mechanism, workspace)
 
 
 @inner

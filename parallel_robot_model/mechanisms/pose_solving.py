@@ -12,19 +12,18 @@ from parallel_robot_model.mechanisms.closing import (
     ATTEMPTS,
     BENT,
     EXACT,
-    FAST,
     LONGEST,
     NEAR,
     NOISE,
     SHORTEST,
     TRIES,
-    arrive,
     begin_at_memory,
     close,
     finite,
-    go_back,
-    remember,
+    leave,
     round_to_grid,
+    settle_there,
+    what_stops,
 )
 from parallel_robot_model.mechanisms.closures import derive, errors, move, place, settle
 from parallel_robot_model.mechanisms.mechanism import (
@@ -80,12 +79,9 @@ def solve_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     if not finite(pose):
         return NOT_FINITE
     angle = workspace.angle[0]
-    fault = _go(mechanism, workspace, pose)
+    fault = leave(mechanism, workspace, _go(mechanism, workspace, pose), angle)
     if fault == FOUND:
-        remember(mechanism, workspace)
         copy(pose, workspace.pose)
-    else:
-        go_back(mechanism, workspace, angle)
     return fault
 
 
@@ -120,16 +116,10 @@ def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
         if not _linearise(mechanism, workspace, pose, done):
             return SINGULAR
         length = _direct(mechanism, workspace)
-    return _what_stops(mechanism, workspace, length)
-
-
-@inner
-def _what_stops(mechanism: Mechanism, workspace: Workspace, length: float) -> int:
-    """Why a way ends at `here`: beyond its reach the joints would move ever faster."""
     driven = 0.0
-    for k in range(len(workspace.pose)):
+    for k in range(len(pose)):
         driven = max(driven, tool_unit(mechanism, k) * abs(workspace.tool_way[1, k]))
-    return NOT_CLOSED if not length <= FAST * driven else SINGULAR
+    return what_stops(length, driven)
 
 
 @inner
@@ -236,12 +226,7 @@ def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
             return NOT_FINITE
         if _was_nearest(workspace):
             break
-    sign = workspace.state[SIGN]
-    fault = arrive(mechanism, workspace)
-    if fault == FOUND and workspace.state[SIGN] != sign:
-        workspace.state[SIGN] = sign
-        return SINGULAR
-    return fault
+    return settle_there(mechanism, workspace, True)
 
 
 @inner
