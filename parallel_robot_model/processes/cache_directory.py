@@ -29,7 +29,10 @@ from parallel_robot_model.processes.user_directory import (
 
 # Which code this is: a hash of all sources of the suite, and one of those of machine code.
 
-KERNEL_MARKS = (b'@kernel', b'@inner', b'@inlined', b'numba.extending', b'@lower_builtin')
+KERNEL_MARKS = (
+    b'@kernel', b'@inner', b'@inlined', b'numba.extending', b'@lower_builtin', b'@in_kernels',
+    b'@on_vectors',
+)  # fmt: skip
 TUPLES = b'(NamedTuple)'  # machine code addresses their members by position
 NUMBA_SETTINGS = (  # of Numba, in the environment: they change the machine code of the same source
     'NUMBA_OPT', 'NUMBA_BOUNDSCHECK', 'NUMBA_DEBUGINFO', 'NUMBA_ENABLE_AVX',
