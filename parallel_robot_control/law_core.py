@@ -57,7 +57,8 @@ class LawCore:
 
     def renewed(self, configuration: ControlConfiguration, law: PreparedLaw) -> LawCore:
         """The core of the same law with other gains."""
-        return self.again(configuration, law, Boxed(self.setup.value._replace(law=law.law)))
+        setup = self.setup.value._replace(law=law.law)
+        return self.again(configuration, law, Boxed(setup, self.setup._numba_type_))
 
     def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         """See :func:`answer`."""
