@@ -156,7 +156,7 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
         float(share),
         steps < count,
         code(made.fault[steps - 1]),
-        bool(made.cycle.lost or (made.cause and made.fault[steps - 1])),
+        bool(controller.setup.memory.state.lost or (made.cause and made.fault[steps - 1])),
     )
 
 

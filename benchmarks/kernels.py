@@ -122,7 +122,7 @@ def long_run(experiment: Experiment, other: Experiment, seconds: int) -> list[Ro
         begun = time.process_time()
         block = run(control, plant, parts[k % len(parts)], PERIOD, anew=not k)
         used = time.process_time() - begun
-        control = control._replace(state=block.cycle)
+        control = control._replace(state=control.setup.memory.state.value)
         plant = plant._replace(state=block.plant)
         memory.append(resident())
         if k and k % len(parts) == 0:
