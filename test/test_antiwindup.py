@@ -43,15 +43,15 @@ def test_integrals_over_differences_rest_together_so_that_their_sum_stays():
 
 
 def forget_excess(rig):
-    state = rig.controller.state
-    rig.controller._store(state._replace(excess=0.0 * state.excess))
+    rig.controller._state.excess = np.zeros(3)
 
 
 def limit_torque(rig, limit):
     """Give the kernels another torque limit from now on."""
     core = rig.controller._core
-    setup = core._setup._replace(limits=Boxed(core.limits._replace(torque=limit)))
-    rig.controller._core = core.again(core.law, setup)
+    safety = Boxed(rig.controller.limits._replace(torque_limit=limit))
+    setup = Boxed(core.setup.value._replace(safety=safety))
+    rig.controller._core = core.again(core.configuration, core.law, setup)
 
 
 def weak_at_first(law, deaf):
@@ -61,7 +61,7 @@ def weak_at_first(law, deaf):
     conditional integration (`deaf`) the law does not learn what was cut off.
     """
     rig = Rig('lockstep', law=law)
-    strong = rig.controller.limits.torque
+    strong = rig.controller.limits.torque_limit
     limit_torque(rig, vector([1.5] * 3))
     errors = []
     for k in range(1400):

@@ -554,7 +554,7 @@ def test_states_at_100_hz_take_the_default_bandwidth(excited):
 
 
 def test_a_robot_without_a_linear_model_is_refused(excited):
-    robot = excited.nominal.robot._replace(name='mine', module=SimpleNamespace())
+    robot = excited.nominal.robot._replace(name='mine', module=SimpleNamespace(linear_model=None))
     nominal = identified.Nominal(robot, excited.nominal.friction, excited.nominal.guess)
     with pytest.raises(InputError, match='the robot mine cannot be identified'):
         identified.identify(nominal, run_of(excited.recording), CUTOFF)

@@ -21,8 +21,7 @@ def levels(truth, over):
     parts = assemble(configure(resolve('paper_circle', values)))
     motion = parts.trajectory.sample(np.arange(6001) * 1e-3)
     torques = run(parts.control, parts.plant, motion, 1e-3).command
-    found = parts.control.setup.memory.kalman
-    return torques, np.sqrt([found.position, found.velocity, found.disturbance])
+    return torques, np.sqrt(parts.control.setup.memory.kalman.levels)
 
 
 @pytest.mark.parametrize('truth', [QUIET, LOUD])
