@@ -66,7 +66,7 @@ class Timing(NamedTuple):
 
 
 class Common(NamedTuple):
-    """References, times, the state and the last answer, as a Struct; stamps and times in [ns]."""
+    """References, times and the last answer, as a Struct; stamps and times in [ns]."""
 
     references: Boxed  # see reference_buffer.Buffer
     timing: Timing

@@ -287,13 +287,13 @@ def run_cycle(
         asked = Asked(torque, output.sliding_variable, output.coupled_error)
     # 4. The same within the limits, or the safe action.
     blind = wrong != faults.NONE
-    done = act(setup, desired, position, velocity, sensed, blind, asked, dt)
+    done, acted = act(setup, desired, position, velocity, sensed, blind, asked, dt)
     state.pose, state.lost, state.begins = sensed.pose, sensed.lost, GOES_ON
     # Also without a filter: a law that comes next may have one.
     recent_torques.remember(setup, when.sample, done.torque, learned, tracks)
     if repeats and state.fault == faults.NONE:
         finds = lock_in.phase(setup, when.sample)
-        believed = done.acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
+        believed = acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
         repetition.learn(setup, when.sample, desired, learned, correction, believed)
     if identifies:
         failed = state.fault != faults.NONE
@@ -302,7 +302,7 @@ def run_cycle(
         done.torque,
         done.sliding_variable,
         done.coupled_error,
-        done.acted + select(told.spell >= TOLD, EFFORT, 0),
+        acted + select(told.spell >= TOLD, EFFORT, 0),
         sensed.cause,
     )
 

@@ -94,15 +94,6 @@ def sense(
 # What becomes of the torque that a law asks for: limited, or replaced by the safe action.
 
 
-class Limited(NamedTuple):
-    """What becomes of what a law asks for, each shape (n,)."""
-
-    torque: Array  # [N m]
-    sliding_variable: Array
-    coupled_error: Array  # [rad]
-    acted: int  # bits of the limits that acted
-
-
 @inner
 def act(
     setup: Any,
@@ -113,7 +104,7 @@ def act(
     blind: bool,
     asked: Asked,
     dt: float,
-) -> Limited:
+) -> tuple[Asked, int]:
     """Limit the torque that the law asks for, or replace it with the safe action.
 
     What was seen and done is the CycleState of the next cycle.
@@ -127,6 +118,9 @@ def act(
         blind: Whether positions and rates are not to be believed: then nothing is damped.
         asked: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
+
+    Returns:
+        What becomes of it; bits of the limits that acted.
     """
     safety, state, fault = setup.safety, setup.memory.state, sensed.fault
     demand, sliding_variable, coupled_error = asked
@@ -150,4 +144,4 @@ def act(
     state.position, state.reference, state.torque = position, reference.position, torque
     state.offset, state.excess, state.takes_over, state.known = offset, excess, False, True
     state.fault = fault
-    return Limited(torque, sliding_variable, coupled_error, acted)
+    return Asked(torque, sliding_variable, coupled_error), acted

@@ -17,13 +17,13 @@ from parallel_robot_model.robots.joint_load import FrictionParameters
 # What lies between motors and joints, and joints that stick: parameters.
 
 MOTOR, JOINT = 'motor', 'joint'  # where sensors are
-UNTRUE: Any = {'neutral': 0.0, 'untrue': True}  # of what sensors tell wrong, see Field
+HIDES: Any = {'neutral': 0.0, 'untrue': True}  # of what sensors tell wrong, see Field
 
 
 class ComplianceParameters(NamedTuple):
     """A spring between the rotor of each motor and its joint; see :mod:`drive_step`."""
 
-    stiffness: Annotated[PerJoint, Field('N m/rad', 'of the gear; 0: it is rigid', 0.0, **UNTRUE)]
+    stiffness: Annotated[PerJoint, Field('N m/rad', 'of the gear; 0: it is rigid', 0.0, **HIDES)]
     damping: Annotated[PerJoint, Field('N m s/rad', 'of the gear', 0.0)]
     backlash: Annotated[PerJoint, Field('rad', 'whole play of the gear', 0.0)]
     rotor_inertia: Annotated[
@@ -116,17 +116,17 @@ class SensorParameters(NamedTuple):
 
     zero_angle: Annotated[
         PerJoint,
-        Field('rad', 'zero angle: what the positions show where a joint is at zero', **UNTRUE),
+        Field('rad', 'zero angle: what the positions show where a joint is at zero', **HIDES),
     ]
-    position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0, **UNTRUE)]
+    position_noise: Annotated[PerJoint, Field('rad', 'noise of the positions, rms', 0.0, **HIDES)]
     velocity_noise: Annotated[
         PerJoint, Field('rad/s', 'noise of the velocities, rms', 0.0, neutral=0.0)
     ]
-    resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0, **UNTRUE)]
+    resolution: Annotated[PerJoint, Field('rad', 'step of the encoders; 0: none', 0.0, **HIDES)]
     counts_per_turn: Annotated[
         PerJoint,
         Field(
-            '', 'steps of the encoders in a turn, in place of resolution; 0: none', 0.0, **UNTRUE
+            '', 'steps of the encoders in a turn, in place of resolution; 0: none', 0.0, **HIDES
         ),
     ]
     differentiate: Annotated[
@@ -135,11 +135,11 @@ class SensorParameters(NamedTuple):
     ]
     delay: Annotated[
         float,
-        Field('s', 'age of the states, rounded to whole samples', 0.0, MAX_DELAY, **UNTRUE),
+        Field('s', 'age of the states, rounded to whole samples', 0.0, MAX_DELAY, **HIDES),
     ]
     jitter: Annotated[
         float,
-        Field('s', 'largest further age, random, in whole samples', 0.0, MAX_DELAY, **UNTRUE),
+        Field('s', 'largest further age, random, in whole samples', 0.0, MAX_DELAY, **HIDES),
     ]
     stamp: Annotated[
         Literal['sent', 'measured'],
