@@ -217,9 +217,9 @@ def test_commands_are_taken_as_an_effort_group_controller_takes_them(bus):
 @pytest.mark.parametrize(
     ('special', 'nodes', 'told'),
     [
-        ({'rates': {BROADCASTER: 300}}, (), 'come at 333.3 Hz, the period says 1000 Hz: give the'),
+        ({'rates': {BROADCASTER: 150}}, (), 'come at 166.7 Hz, the period says 500 Hz: give the'),
         (
-            {'rates': {EFFORT: 250}, 'asynchronous': True},
+            {'rates': {EFFORT: 125}, 'asynchronous': True},
             (),
             'change with 1 of 4 states, commands',
         ),
@@ -229,9 +229,9 @@ def test_commands_are_taken_as_an_effort_group_controller_takes_them(bus):
     ids=['broadcaster_slower', 'effort_controller_slower', 'positions', 'limits_not_enforced'],
 )
 def test_it_tracks_with_what_ros2_control_may_be_told(special, nodes, told, bus):
-    robot = bus(0.001)
+    robot = bus(0.002)
     robot.start_drives(trajectory_of(VALUES).first_pose, active=True, **special)
-    robot.start_nodes(*nodes)
+    robot.start_nodes('period:=0.002', *nodes)
     robot.until_it_has_moved()
     count = len(robot.told)
     robot.peer.until(lambda: len(robot.told) > count)
