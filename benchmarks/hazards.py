@@ -109,12 +109,12 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
     begin, end, cleared = (round(t / period) for t in (hazard.at, hazard.end, clear))
     count = cleared + round(WATCHED / period) + 1
     reference = configuration.trajectory.sample(np.arange(count) * period)
-    controller = control.assemble(configuration.control)
-    made = run(controller, assemble_plant(configuration.plant), reference, period)
+    controller = control.assemble(configuration)
+    made = run(controller, assemble_plant(configuration), reference, period)
     steps = made.steps
     windows = [slice(begin, end), slice(end, cleared), slice(cleared, None)]
     distance, ways = _distances(configuration, made, reference)
-    known = faults.of(configuration.control.robot.module)
+    known = faults.of(configuration.robot.module)
 
     def code(number: int) -> str:
         return known[int(number)].key if number else ''
@@ -128,7 +128,7 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
     told = float(when[0] * period) if when.size else None
     first = begin + int(when[0]) if when.size else 0
     name = (code(made.fault[first]) or limit_codes(int(made.acted[first]))) if when.size else ''
-    timeout = configuration.plant.parameters.command_timeout
+    timeout = configuration.plant.command_timeout
     silent = hazard.what in {*UNTOLD, 'commands_lost', 'velocity_nan'} and hazard.lasts >= timeout
     if silent and (told is None or told > timeout):
         told, name = timeout, 'command time-out of the motors'
@@ -171,7 +171,7 @@ def _distances(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Distance from the reference, and way from one state to the next, each shape (N,)."""
     steps = made.steps
-    if configuration.control.robot.planar:
+    if configuration.robot.planar:
         place, wanted = made.pose[:steps, :2], reference.pose[:steps, :2]
     else:
         place, wanted = made.joints[:steps], reference.position[:steps]
@@ -182,8 +182,8 @@ def _distances(
 
 def _approach(configuration: Configuration, made: ClosedLoopRun, begin: int) -> float:
     """Largest torque of an approach with an empty memory from where the robot is [N m]."""
-    loop, robot = configuration.loop, configuration.plant.robot
-    undisturbed = configuration.plant._replace(loop=loop._replace(hazards=()))
+    loop, robot = configuration.loop, configuration.true_robot
+    undisturbed = configuration.with_parts(loop=loop._replace(hazards=()))
     plant = assemble_plant(undisturbed)
     at = [robot.module.start(robot.parameters, made.pose[begin + k]) for k in (-1, 0, 1)]
     rate = (np.asarray(at[2]) - np.asarray(at[0])) / (2.0 * loop.period)
@@ -194,7 +194,7 @@ def _approach(configuration: Configuration, made: ClosedLoopRun, begin: int) -> 
         vector(torque),
         begin * loop.period,
     )
-    controller = control.assemble(configuration.control)
+    controller = control.assemble(configuration)
     joined = Struct(controller.state._replace(pose=vector(made.pose[begin])))
     join(joined, torque)
     controller = controller._replace(state=joined.value)

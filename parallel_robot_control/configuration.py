@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, NamedTuple, get_type_hints
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -25,20 +26,19 @@ from parallel_robot_model.configuration.fields import (
     Declared,
     Field,
     Groups,
-    build_groups,
+    declared_in,
     defaults,
-    group,
+    grouped,
     parameters,
     plain,
 )
-from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.registry import RobotModel, robot_of
+from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import configuration as motion
-from trajectory_gen.configuration import trajectory_of
+from trajectory_gen.configuration import INITIAL, MotionConfiguration
 from trajectory_gen.shapes import shapes
-from trajectory_gen.trajectory import Trajectory
 
 
 class ControllerParameters(NamedTuple):
@@ -54,23 +54,63 @@ class ControllerParameters(NamedTuple):
     ]
 
 
-class ControlConfiguration(NamedTuple):
-    """Configuration of a controller."""
+class ControlConfiguration(MotionConfiguration):
+    """Laws and gains, and all that a controller is made of."""
 
-    loop: LoopParameters  # period, joints, active law and the like
-    robot: RobotModel  # nominal robot
-    margins: Any  # SafetyMargins of the robot
-    guess: tuple[float, ...]  # pose from which the first forward kinematics starts, m numbers
-    turn: int  # samples of a turn; 0 where nothing is learned
-    laws: Mapping[str, Law]  # all laws by name
-    gains: Mapping[str, Any]  # gains of each law
-    # groups of parameters, by their prefixes
-    controller: ControllerParameters
-    estimator: EstimatorParameters
-    lock_in: LockInParameters
-    approach: ApproachParameters
-    repetition: RepetitionParameters
-    safety: SafetyParameters
+    controller = grouped('controller', ControllerParameters)
+    estimator = grouped('estimator', EstimatorParameters)
+    lock_in = grouped('lock_in', LockInParameters)
+    approach = grouped('approach', ApproachParameters)
+    repetition = grouped('repetition', RepetitionParameters)
+    safety = grouped('safety', SafetyParameters)
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """All laws by name."""
+        with locating(self.values):
+            return available(self.loop.custom_laws)
+
+    @cached_property
+    def gains(self) -> Mapping[str, Any]:
+        """Gains of each law, which its theory allows."""
+        gains = {name: self.at(name, law.Gains) for name, law in self.laws.items()}
+        with locating(self.values):
+            for name, law in self.laws.items():
+                judge(name, law, gains[name])
+        return gains
+
+    @property
+    def margins(self) -> Any:
+        """SafetyMargins of the robot."""
+        return self.at('safety', self.module.SafetyMargins)
+
+    @cached_property
+    def guess(self) -> tuple[float, ...]:
+        """Pose from which the first forward kinematics starts, m numbers.
+
+        The parameter ``controller.guess``, or the first pose of the motion. Where the file of a
+        custom trajectory is not loaded, as for a bag, it is the initial pose.
+        """
+        with locating(self.values):
+            if self.controller.guess:
+                return checked(self.controller.guess, self.robot)
+            if self.values['trajectory.shape'] not in shapes(self.values['custom_trajectories']):
+                return checked(tuple(map(float, self.values[INITIAL])), self.robot)
+            return checked(self.trajectory.first_pose, self.robot)
+
+    @cached_property
+    def turn(self) -> int:
+        """Samples of a turn; 0 where nothing is learned."""
+        if not self.repetition.gain:
+            return 0
+        with locating(self.values):
+            return turn_of(self.repetition, self.trajectory, self.loop.period)
+
+    @property
+    def made_of(self) -> tuple[Any, ...]:
+        """What a controller depends on."""
+        own = (self.at(*each) for each in declared_in(ControlConfiguration))
+        return self.loop, self.robot, self.margins, self.guess, self.turn, self.gains, *own
 
     @property
     def stopped(self) -> bool:
@@ -87,9 +127,18 @@ class ControlConfiguration(NamedTuple):
         """Number of the actuated joints, n."""
         return len(self.loop.joints)
 
+    def check_control(self) -> None:
+        """Find what is wrong in the parameters of the controller and of all laws.
 
-FIRST = ControlConfiguration._fields.index('controller')
-GROUPS = dict([*get_type_hints(ControlConfiguration).items()][FIRST:])
+        Raises:
+            UnknownNameError: no such law.
+            InputError: a value is wrong, the theory of a law forbids its gains, the guess is no
+                pose, or a motion of which is learned does not repeat.
+        """
+        self.check(declared(self.robot.module, self.laws))
+        with locating(self.values):
+            _with_law(self.loop, self.loop.law, self.laws)
+        _ = self.gains, self.guess, self.turn
 
 
 def load(values: Mapping[str, Any]) -> Modules:
@@ -130,7 +179,7 @@ def of_laws(laws: Mapping[str, Law]) -> Declared:
 
 def declared(robot: Robot, laws: Mapping[str, Law]) -> Declared:
     """Groups of the controller and of all its laws."""
-    yield from GROUPS.items()
+    yield from declared_in(ControlConfiguration)
     yield 'safety', robot.SafetyMargins
     yield from of_laws(laws)
 
@@ -142,52 +191,9 @@ def configure(values: Mapping[str, Any]) -> ControlConfiguration:
         UnknownNameError: no such law.
         InputError: a value is wrong, or the theory of a law forbids its gains.
     """
-    loop, nominal = loop_of(values), robot_of(values)
-    with locating(values):
-        laws = available(loop.custom_laws)
-        groups = build_groups(values, declared(nominal.module, laws))
-        guess = groups[ControllerParameters].guess or _first_pose(values)
-        return control_from(loop, groups, nominal, laws, guess, lambda: trajectory_of(values))
-
-
-def control_from(
-    loop: LoopParameters,
-    groups: Groups,
-    robot: RobotModel,
-    laws: Mapping[str, Law],
-    guess: tuple[float, ...],
-    motion: Callable[[], Trajectory],
-) -> ControlConfiguration:
-    """Build the configuration of a controller from typed groups.
-
-    Args:
-        loop: Period, joints, active law and the like.
-        groups: What :func:`declared` names.
-        robot: The nominal robot.
-        laws: All laws by name.
-        guess: Pose from which the first forward kinematics starts.
-        motion: Gives the desired motion, where something is learned from its turns.
-
-    Raises:
-        UnknownNameError: no such law.
-        InputError: the theory of a law forbids its gains, the guess is no pose, or a motion of
-            which is learned does not repeat.
-    """
-    gains = {name: groups.at(name, law.Gains) for name, law in laws.items()}
-    for name, law in laws.items():
-        judge(name, law, gains[name])
-    repetition = groups[RepetitionParameters]
-    turn = turn_of(repetition, motion(), loop.period) if repetition.gain else 0
-    return ControlConfiguration(
-        _with_law(loop, loop.law, laws),
-        robot,
-        groups[robot.module.SafetyMargins],
-        checked(guess, robot),
-        turn,
-        laws,
-        gains,
-        *(groups.at(*each) for each in GROUPS.items()),
-    )
+    configuration = ControlConfiguration(values)
+    configuration.check_control()
+    return configuration
 
 
 def nominal_of(values: Mapping[str, Any]) -> tuple[RobotModel, Array]:
@@ -200,9 +206,8 @@ def nominal_of(values: Mapping[str, Any]) -> tuple[RobotModel, Array]:
     Raises:
         InputError: a parameter is wrong.
     """
-    robot, given = robot_of(values), group(values, ControllerParameters, 'controller').guess
-    with locating(values):
-        return robot, np.array(checked(given or _first_pose(values), robot))
+    configuration = ControlConfiguration(values)
+    return configuration.robot, np.array(configuration.guess)
 
 
 def checked(guess: Sequence[float], robot: RobotModel) -> tuple[float, ...]:
@@ -220,16 +225,6 @@ def checked(guess: Sequence[float], robot: RobotModel) -> tuple[float, ...]:
     return tuple(guess)
 
 
-def _first_pose(values: Mapping[str, Any]) -> tuple[float, ...]:
-    """The first pose of the motion.
-
-    Where the file of a custom trajectory is not loaded, as for a bag, it is the initial pose.
-    """
-    if values['trajectory.shape'] not in shapes(values['custom_trajectories']):
-        return tuple(map(float, values['plant.initial_pose']))
-    return trajectory_of(values).first_pose
-
-
 def preset_of(loop: LoopParameters) -> Mapping[str, Any]:
     """Gains of all laws of a loop in the preset, by name."""
     return _preset(
@@ -242,9 +237,8 @@ def _preset(robot_model: str, *custom: tuple[str, ...]) -> Mapping[str, Any]:
     paths = zip(('custom_laws', 'custom_robots', 'custom_trajectories'), custom, strict=True)
     named = {'robot_model': robot_model, **dict(paths)}
     values = config.preset(named, load(named))
-    laws = available(custom[0])
-    groups = build_groups(values, of_laws(laws))
-    return {name: groups.at(name, law.Gains) for name, law in laws.items()}
+    groups = Groups(values)
+    return {name: groups.at(name, law.Gains) for name, law in available(custom[0]).items()}
 
 
 def changed(
@@ -279,7 +273,7 @@ def changed(
     if changes.get('preset', preset) != preset:
         raise InputError(f'preset is {preset} with these gains, not {changes["preset"]!r}')
     loop = _with_law(configuration.loop, str(changes.get('law', configuration.loop.law)), laws)
-    return configuration._replace(loop=loop._replace(preset=preset), gains=gains)
+    return configuration.with_parts(loop=loop._replace(preset=preset), gains=gains)
 
 
 def settings(

@@ -47,7 +47,7 @@ def fastest(configuration: Configuration) -> Fastest:
     speed = speed_limit(configuration)
     # 2. Their torque: k^2 I + k V + C = a limit.
     least, greatest = torque_limits(configuration)
-    friction = configuration.plant.load.friction
+    friction = configuration.joint_load.friction
     scale, rounds = 1.0, ROUNDS if any(friction.load) or any(friction.stribeck) else 1
     for _ in range(rounds):  # friction is that at the speed that is found
         inertia, viscous, dry = torques(configuration, reference, scale)
@@ -87,13 +87,13 @@ def _least_root(a: Array, b: Array, c: Array) -> Array:
 def speed_limit(configuration: Configuration) -> Array:
     """Joint speeds that the motion or the controller forbids [rad/s], shape (n,)."""
     most = configuration.trajectory.parameters.max_joint_speed
-    limits: Array = np.minimum(most, configuration.control.safety.speed_limit)
+    limits: Array = np.minimum(most, configuration.safety.speed_limit)
     return limits
 
 
 def torque_limits(configuration: Configuration) -> tuple[Array, Array]:
     """Least and greatest torque of controller and motors [N m], each shape (n,)."""
-    plant, most = configuration.plant.parameters, configuration.control.safety.torque_limit
+    plant, most = configuration.plant, configuration.safety.torque_limit
     back, forth = (
         np.minimum(np.multiply(plant.torque_limit, share), most)
         for share in (plant.torque_backward, plant.torque_forward)
@@ -114,8 +114,8 @@ def torques(
     Returns:
         That of inertia, that of viscous friction, that of dry friction and gravity.
     """
-    robot, friction = configuration.trajectory.robot, configuration.plant.load.friction
-    margins = configuration.control.margins
+    robot, friction = configuration.trajectory.robot, configuration.joint_load.friction
+    margins = configuration.margins
     pose, joints = vector(reference.pose[0]), vector(reference.position[0])
     estimate = robot.kernel('estimate', margins, joints, joints, pose)
     rows = reference.position, reference.velocity, reference.acceleration

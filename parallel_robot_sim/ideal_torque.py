@@ -27,7 +27,6 @@ from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import (
     Configuration,
     Plant,
-    PlantConfiguration,
     assemble_plant,
 )
 from parallel_robot_sim.plant import PlantSetup, PlantState, step, unlimited
@@ -121,7 +120,7 @@ class PerformedMotion(NamedTuple):
 
 def performed(
     trajectory: Trajectory,
-    plant: PlantConfiguration,
+    configuration: Configuration,
     times: Array | None = None,
     assembled: Plant | None = None,
 ) -> PerformedMotion:
@@ -129,20 +128,20 @@ def performed(
 
     Args:
         trajectory: The motion.
-        plant: The plant.
+        configuration: That of the plant.
         times: Times of the points [s], shape (K,); default: those of the whole motion.
         assembled: The plant put together, where that is done.
 
     Raises:
         InputError: the robot does not reach the motion.
     """
-    period = plant.loop.period
-    made = assembled or assemble_plant(plant)
+    period = configuration.loop.period
+    made = assembled or assemble_plant(configuration)
     advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
     if times is None:
-        times = points_of(plant.loop.duration)
+        times = points_of(configuration.loop.duration)
     around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
-    coordinates = coordinates_of(plant.robot, made, trajectory.sample(around).pose)
+    coordinates = coordinates_of(configuration.true_robot, made, trajectory.sample(around).pose)
     before, now, after, later = (coordinates[k::4] for k in range(4))
     rates, next_rates = (after - before) / (2.0 * period), (later - now) / (2.0 * period)
     points = np.hstack((now, rates))
@@ -156,17 +155,17 @@ def performed(
     )
 
 
-def smooth(plant: PlantConfiguration) -> PlantConfiguration:
+def smooth(configuration: Configuration) -> Configuration:
     """The plant without what cannot be differentiated, and without imperfections."""
-    friction, disturbance = plant.load
-    zero = PerJoint((0.0,) * len(plant.loop.joints))
-    return plant._replace(
-        parameters=unlimited(plant.parameters),
-        load=plant.load._replace(
-            friction=friction._replace(coulomb=zero, stribeck=zero, offset=zero, load=zero),
-            disturbance=disturbance._replace(amplitude=zero),
+    friction, disturbance = configuration.joint_load
+    zero = PerJoint((0.0,) * configuration.joints)
+    return configuration.with_parts(
+        plant=unlimited(configuration.plant),
+        joint_load=JointLoad(
+            friction._replace(coulomb=zero, stribeck=zero, offset=zero, load=zero),
+            disturbance._replace(amplitude=zero),
         ),
-        imperfections=plant.imperfections._replace(on=False),
+        imperfections=configuration.imperfections._replace(on=False),
     )
 
 
@@ -228,6 +227,8 @@ def _pushed(
     return ends, slopes
 
 
+# what of a configuration a plant depends on
+PLANT_PARTS = ('loop', 'true_robot', 'plant', 'joint_load', 'safety', 'imperfections')
 KEPT = 96  # ideal torques: those of the samples that the laws of a study share
 DEGREE = 5  # of the polynomial between two points, through the nearest six
 
@@ -245,24 +246,26 @@ def torque_of(configuration: Configuration) -> Array:
     Raises:
         InputError: the robot does not reach the motion.
     """
-    return along(configuration.trajectory, configuration.plant)
+    return along(configuration.trajectory, configuration)
 
 
-def along(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
+def along(trajectory: Trajectory, configuration: Configuration) -> Array:
     """The ideal torque of a plant along a desired motion, see :func:`torque_of`."""
-    loop = plant.loop._replace(law='', preset='custom')  # else each law would have its own
-    return _torque(trajectory, plant._replace(loop=loop))
+    loop = configuration.loop._replace(law='', preset='custom')  # else each law would have its own
+    plant = configuration.with_parts(loop=loop)
+    return _torque(trajectory, *(getattr(plant, part) for part in PLANT_PARTS))
 
 
 @functools.lru_cache(maxsize=KEPT)
-def _torque(trajectory: Trajectory, plant: PlantConfiguration) -> Array:
+def _torque(trajectory: Trajectory, *parts: Any) -> Array:
+    plant = Configuration({}).with_parts(**dict(zip(PLANT_PARTS, parts, strict=True)))
     return IdealTorque(trajectory, plant).between(0, (plant.loop.last_index or 0) + 1)
 
 
 class IdealTorque:
     """The ideal torque of a plant along a desired motion, part by part, see :func:`torque_of`."""
 
-    def __init__(self, trajectory: Trajectory, plant: PlantConfiguration) -> None:
+    def __init__(self, trajectory: Trajectory, plant: Configuration) -> None:
         """Prepare.
 
         Raises:
@@ -288,7 +291,7 @@ class IdealTorque:
         motion = performed(self._trajectory, self._smooth, times, self._assembled)
         torque = between_points(motion.times + 0.5 * period, motion.torque, middles)
         # 2. Dry friction and disturbances are not.
-        friction, disturbance = self._plant.load
+        friction, disturbance = self._plant.joint_load
         if any(friction.load):  # without viscous friction, which is no load of the gears
             torque = torque - np.array(friction.viscous) * velocity
         else:

@@ -16,13 +16,14 @@ from parallel_robot_model.configuration.fields import (
     ESTIMATOR,
     ZeroAngles,
     corrected,
+    declared_in,
     untrue_keys,
 )
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.contract import PLACE
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.configuration import DECLARED, Configuration
+from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.course import Course
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import JOINT
@@ -32,7 +33,7 @@ from trajectory_gen.trajectory import Reference
 
 # Parameters by which the joints that are told are not the true ones, see docs/noise.md.
 GEARS = 'compliance.stiffness'  # where sensors are at the motors
-UNTRUE = [*untrue_keys((*DECLARED, (ESTIMATOR, ZeroAngles))), 'hazards']
+UNTRUE = [*untrue_keys((*declared_in(Configuration), (ESTIMATOR, ZeroAngles))), 'hazards']
 AS_TOLD = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
 )
@@ -185,9 +186,9 @@ class SimulatedMotions:
     """The motions of a simulation, part by part: what a part hands on to the next."""
 
     def __init__(self, configuration: Configuration) -> None:
-        nominal, true = configuration.control.robot, configuration.plant.robot
+        nominal, true = configuration.robot, configuration.true_robot
         exact = not untrue(configuration.values)
-        guess = np.array(configuration.control.guess)
+        guess = np.array(configuration.guess)
         # what its messages tell of the joints; None where that is the true motion
         self.told = None if exact else Told(configuration)
         self._true = Located(nominal, true, guess)
@@ -247,10 +248,10 @@ class Told:
     """
 
     def __init__(self, configuration: Configuration) -> None:
-        plant, self._values = configuration.plant, configuration.values
+        self._values = configuration.values
         self._tick: int = configuration.loop.period_ns
-        self._late = round(plant.imperfections.age * NANOSECONDS / self._tick)
-        timeout = plant.safety.reference_timeout * NANOSECONDS
+        self._late = round(configuration.imperfections.age * NANOSECONDS / self._tick)
+        timeout = configuration.safety.reference_timeout * NANOSECONDS
         self._oldest = round(max(timeout, 2.0 * self._tick)) // self._tick
         self._effort = ReportedEffort(self._late)
         self._before: JointReference  # the last rows of the part before

@@ -12,7 +12,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import entry_point, vector
 from parallel_robot_model.robots.joint_load import net_torque
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.configuration import PlantConfiguration
+from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, PlantState, torques
 from parallel_robot_sim.plant_core import take
@@ -24,7 +24,7 @@ MAX_STEP = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion ov
 class MujocoSimulator(Simulator):
     """Motors, sensors, friction and disturbances as ever; MuJoCo moves the bodies."""
 
-    def __init__(self, configuration: PlantConfiguration) -> None:
+    def __init__(self, configuration: Configuration) -> None:
         """Put the robot at rest at its initial pose.
 
         Raises:
@@ -33,7 +33,7 @@ class MujocoSimulator(Simulator):
         """
         super().__init__(configuration)
         still = [0.0] * len(configuration.loop.joints)  # friction is the suite's
-        pose = np.array(configuration.parameters.initial_pose)
+        pose = np.array(configuration.plant.initial_pose)
         step = self._period / max(2, math.ceil(self._period / MAX_STEP))
         self._bodies = _bodies(self.robot, pose, still, step)
         state, torque = self.state, self.state.torque
@@ -67,11 +67,11 @@ def _bodies(robot: RobotModel, pose: Array, friction: Sequence[float], step: flo
     return MujocoMachine(robot, pose, friction, step)
 
 
-def simulator_of(configuration: PlantConfiguration) -> Simulator:
+def simulator_of(configuration: Configuration) -> Simulator:
     """The simulator that ``plant.engine`` names, at its initial pose.
 
     Raises:
         InputError: it cannot be built.
     """
-    known = MujocoSimulator if configuration.parameters.engine == MUJOCO else Simulator
+    known = MujocoSimulator if configuration.plant.engine == MUJOCO else Simulator
     return known(configuration)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import neutral
-from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
+from parallel_robot_sim.configuration import Configuration, assemble_plant
 from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import Waiting, not_waiting
 from parallel_robot_sim.plant import (
@@ -35,12 +35,12 @@ class Again(NamedTuple):
 
 
 def under_commands(
-    configuration: PlantConfiguration, commands: Array, reference: Reference
+    configuration: Configuration, commands: Array, reference: Reference
 ) -> Again | None:
     """What a plant did under the commands of a controller that answered in step.
 
     Args:
-        configuration: The plant.
+        configuration: That of the plant.
         commands: Answers to the states that hazards left to be answered, in order [N m],
             shape (M, n).
         reference: Desired motion, one sample per period, shape (N, n).
@@ -66,7 +66,7 @@ def under_commands(
 class UnderCommands:
     """A plant without hazards under commands that come in parts, see :func:`under_commands`."""
 
-    def __init__(self, configuration: PlantConfiguration) -> None:
+    def __init__(self, configuration: Configuration) -> None:
         """Put it together.
 
         Raises:
@@ -91,11 +91,11 @@ class UnderCommands:
         return joints, seen, effort
 
 
-def under_torques(configuration: PlantConfiguration, effort: Array, reference: Reference) -> Again:
+def under_torques(configuration: Configuration, effort: Array, reference: Reference) -> Again:
     """What a plant did, from the torques of its motors.
 
     Args:
-        configuration: The plant.
+        configuration: That of the plant.
         effort: Torque of the step that ended at each sample [N m], shape (N, n).
         reference: Desired motion, one sample per period, shape (N, n).
 
@@ -104,8 +104,8 @@ def under_torques(configuration: PlantConfiguration, effort: Array, reference: R
     """
     ideal = neutral(configuration.imperfections.actuator)._replace(fault_time=0.0)
     plant = assemble_plant(
-        configuration._replace(
-            parameters=unlimited(configuration.parameters),
+        configuration.with_parts(
+            plant=unlimited(configuration.plant),
             imperfections=configuration.imperfections._replace(actuator=ideal),
         )
     )

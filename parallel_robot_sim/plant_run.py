@@ -19,7 +19,7 @@ from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
-from parallel_robot_sim.configuration import PlantConfiguration, assemble_plant
+from parallel_robot_sim.configuration import Configuration, assemble_plant
 from parallel_robot_sim.hazards import not_waiting
 from parallel_robot_sim.plant import PlantState
 from parallel_robot_sim.plant_core import PlantCore, advance, read_command, state_layout, tell
@@ -30,7 +30,7 @@ from parallel_robot_sim.plant_core import PlantCore, advance, read_command, stat
 class Simulator:
     """The true robot, its friction, its motors and its state."""
 
-    def __init__(self, configuration: PlantConfiguration) -> None:
+    def __init__(self, configuration: Configuration) -> None:
         """Put the robot at rest at its initial pose.
 
         Raises:
@@ -38,7 +38,7 @@ class Simulator:
         """
         need_compiler()
         loop = configuration.loop
-        self.robot = robot = configuration.robot  # the true robot
+        self.robot = robot = configuration.true_robot
         axes = robot.module.coordinates(robot.parameters)
         self._units = ', '.join(axis.unit for axis in axes)
         self._setup, start, hazards, _ = assemble_plant(configuration)
@@ -51,9 +51,7 @@ class Simulator:
         measure = robot.module.measure
         self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
         passive = (
-            len(self.measurement().passive_position)
-            if configuration.parameters.publish_passive
-            else 0
+            len(self.measurement().passive_position) if configuration.plant.publish_passive else 0
         )
         draft = state_layout(loop.joints, passive).draft()
         self._message = draft.bytes

@@ -283,7 +283,7 @@ def samples_of(configuration: Configuration, most: int = MAX_SAMPLES) -> int:
             f'not {loop.duration:g}',
             'duration',
         )
-    if configuration.plant.parameters.engine == MUJOCO:
+    if configuration.plant.engine == MUJOCO:
         raise InputError(NODES_ALONE, 'plant.engine')
     return loop.last_index + 1
 
@@ -387,7 +387,7 @@ def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
     that, times the time for which :func:`checks.inconsistent` adds them up, are the ways that the
     sampled rates do not tell; faults were seen from a fifth of it on.
     """
-    friction, control = configuration.plant.load.friction, configuration.control
+    friction, control = configuration.joint_load.friction, configuration
     dry = np.add(friction.coulomb, np.maximum(friction.stribeck, 0.0))
     tolerance = control.safety.rate_tolerance
     if not (tolerance and dry.any()):
@@ -417,14 +417,14 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
 
     Nothing where they are estimated or differentiated: their noise is another one.
     """
-    sensor = configuration.plant.imperfections.sensor
+    sensor = configuration.imperfections.sensor
     name = configuration.loop.law
-    law = configuration.control.laws[name]
-    measured = kind_for(configuration.control.estimator, law) in MEASURED
+    law = configuration.laws[name]
+    measured = kind_for(configuration.estimator, law) in MEASURED
     if not measured or sensor.differentiate:
         return ()
     noise = float(np.max(sensor.velocity_noise))
     if not noise:
         return ()
-    doubts = law.judge_noise(configuration.control.gains[name], noise, configuration.loop.period)
+    doubts = law.judge_noise(configuration.gains[name], noise, configuration.loop.period)
     return tuple(f'{name}: {text}' for text in doubts)

@@ -53,9 +53,9 @@ def simulate(
     """Closed loop of a scenario over `duration` [s], its motion not checked beforehand."""
     values = resolve(scenario, {'duration': duration, **(overrides or {})})
     configuration = configure(values)
-    controller = control.assemble(configuration.control)
+    controller = control.assemble(configuration)
     if guess is not None:
-        state = initial_state(np.array(guess, dtype=float), configuration.control.joints)
+        state = initial_state(np.array(guess, dtype=float), configuration.joints)
         controller = controller._replace(state=state)
     period = configuration.loop.period
     times = np.arange(round(duration / period) + 1) * period

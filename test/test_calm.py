@@ -108,7 +108,7 @@ def test_without_calm_there_is_the_limit_and_calm_costs():
         'sensor.delay': 2e-3, 'disturbance.noise': 0.5, 'disturbance.bandwidth': 10.0,
     }  # fmt: skip
     configuration = configure(resolve('paper_circle', changes))
-    motion, told = linearise(configuration), noise_of(configuration.plant.imperfections, PERIOD, 3)
+    motion, told = linearise(configuration), noise_of(configuration.imperfections, PERIOD, 3)
     found, limit = calm.price_of_calm(motion, told, PERIOD), least(motion, told, PERIOD)
     assert (np.diff(found.chattering) > 0.0).all() and (np.diff(found.error) < 0.0).all()
     assert limit < found.error[-1] < 1.15 * limit
@@ -151,7 +151,7 @@ def test_a_rotation_that_is_held_costs_error_and_its_weight_is_a_share(capsys):
     """Of the paper's robot: less error at the same chattering where the platform may turn."""
     noise = {'disturbance.noise': 0.5, 'sensor.position_noise': 1e-5, 'duration': 0.5}
     configuration = configure(resolve('paper_circle', noise))
-    told = noise_of(configuration.plant.imperfections, PERIOD, 3)
+    told = noise_of(configuration.imperfections, PERIOD, 3)
     motion = linearise(configuration)
     free, held = (calm.price_of_calm(motion, told, PERIOD, rest).at(0.3) for rest in (1e-4, 1.0))
     assert 1.05 * free < held < 2.0 * free

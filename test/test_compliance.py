@@ -234,7 +234,7 @@ def test_play_takes_no_energy_and_damping_gives_none():
 def test_sensors_are_at_the_motor_or_at_the_joint(side):
     values = axes(**{'compliance.sensor': side})
     torques = np.tile([2.0, -1.0], (100, 1))
-    true, told, _ = UnderCommands(configure(values).plant).moved(torques)
+    true, told, _ = UnderCommands(configure(values)).moved(torques)
     joints, _, angle, *_ = course(values, torques)
     assert np.array_equal(true, joints)
     assert np.array_equal(told, angle if side == 'motor' else joints)

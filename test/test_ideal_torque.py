@@ -30,7 +30,7 @@ def test_it_alone_holds_a_plant_on_its_reference(scenario, loads):
     changes = {**loads, 'friction.coulomb': [0.0] * joints}
     reference = of(scenario, **changes).trajectory.sample(TIME).pose
     configuration = of(scenario, **changes, **{'plant.initial_pose': reference[0].tolist()})
-    torque, plant = torque_of(configuration), Simulator(configuration.plant)
+    torque, plant = torque_of(configuration), Simulator(configuration)
     missed = []
     for k in range(1, COUNT + 1):
         plant.advance(torque[k])

@@ -264,7 +264,7 @@ def test_the_ideal_torque_has_the_cogging_of_the_desired_motion():
 
 def test_a_motor_that_opposes_the_constant_keeps_the_robot_still():
     values = config.resolve('paper_circle', {'disturbance.constant': [5.0, -3.0, 2.0]})
-    simulator = Simulator(configure(values).plant)
+    simulator = Simulator(configure(values))
     for _ in range(100):
         simulator.advance(np.array([5.0, -3.0, 2.0]))
     assert np.abs(simulator.pose - values['plant.initial_pose']).max() < 1e-12
@@ -277,7 +277,7 @@ def test_a_plant_driven_by_messages_is_that_of_the_simulation():
     again = run(loop.control, loop.plant, reference, H)  # with what it remembers of the first
     assert np.array_equal(whole.command, again.command)
     values = resolve('paper_circle', {'duration': 0.1, **ALL, 'plant.publish_passive': False})
-    simulator = Simulator(configure(values).plant)
+    simulator = Simulator(configure(values))
     for k in range(100):
         message = simulator.message(10**9)
         assert message == simulator.message(10**9)
@@ -290,7 +290,7 @@ def test_a_plant_driven_by_messages_is_that_of_the_simulation():
 @pytest.mark.parametrize('late', [0, 1, 3])
 def test_a_state_tells_the_torque_of_the_step_that_ended_when_it_was_measured(late):
     delayed = {'sensor.delay': late * H, 'sensor.stamp': 'measured'}
-    simulator = Simulator(configure(resolve('paper_circle', delayed)).plant)
+    simulator = Simulator(configure(resolve('paper_circle', delayed)))
     for k in range(12):
         state = deserialize_message(simulator.message(10**9 + k * 10**6), JointState)
         stamp = state.header.stamp.sec * 10**9 + state.header.stamp.nanosec
@@ -314,7 +314,7 @@ def test_bags_are_replayed_and_made_again(more, tmp_path, capsys):
 @pytest.mark.parametrize('scenario', config.scenarios())
 def test_only_the_scenarios_of_faults_are_not_ideal(scenario):
     faulty = {'loss_of_effectiveness', 'actuator_bias', 'stuck_actuator'}
-    on = configure(resolve(scenario)).plant.imperfections.on
+    on = configure(resolve(scenario)).imperfections.on
     assert on == (scenario in faulty)
 
 
@@ -353,7 +353,7 @@ def test_studies_and_bags_measure_the_true_motion(tmp_path, capsys):
     configuration = configure(resolve('paper_circle', changes))
     [outcome] = run_chunk([configuration])
     made = simulate(configuration).run
-    found = poses_of(configuration.control.robot, made.joints, made.pose[0])
+    found = poses_of(configuration.robot, made.joints, made.pose[0])
     np.testing.assert_allclose(found, made.pose, atol=1e-9)
     assert np.abs(made.joints - made.position)[500:].max() > 1e-4
     half = slice(len(made.pose) // 2, None)

@@ -33,7 +33,7 @@ def test_every_law_brings_every_robot_to_its_motion(law, configuration):
     """With the gains of Table 2; the printed NFTSMC has its wide boundary layer here, too."""
     experiment = assemble(configuration)
     motion = experiment.trajectory.sample(np.arange(4001) * 1e-3)
-    out = run(control.assemble(configuration.control, law), experiment.plant, motion, 1e-3)
+    out = run(control.assemble(configuration, law), experiment.plant, motion, 1e-3)
     error = np.abs(motion.position - out.position)
     assert not out.fault.any() and out.steps == 4001
     assert error[0].max() > 5e-3  # it begins beside the motion
@@ -52,7 +52,7 @@ def begun(request):
 def test_every_law_begins_the_motion_of_every_machine(law, begun):
     """With the gains of its file: no fault, and no joint goes away from the motion."""
     configuration, experiment, motion = begun
-    out = run(control.assemble(configuration.control, law), experiment.plant, motion, 1e-3)
+    out = run(control.assemble(configuration, law), experiment.plant, motion, 1e-3)
     error = np.abs(motion.position - out.position)
     assert not out.fault.any() and out.steps == 301
     assert error[200:].max() < 3.0 * error[:50].max()
@@ -99,7 +99,7 @@ def test_messages_of_controller_and_plant_close_the_same_loop(scenario):
     whole = simulated(values)
     configured = configure_control(values)
     alone = {'s_fotsmc': configured.laws['s_fotsmc']}
-    controller = Controller(configured._replace(laws=alone))
+    controller = Controller(configured.with_parts(laws=alone))
     plant = Simulator(configure_plant(values))
     joints = configured.loop.joints
     reader = layouts.float64_multi_array(len(joints))

@@ -36,7 +36,7 @@ def of(scenario, **changes):
 
 def noise_in(configuration):
     joints = len(configuration.loop.joints)
-    return noise_of(configuration.plant.imperfections, configuration.loop.period, joints)
+    return noise_of(configuration.imperfections, configuration.loop.period, joints)
 
 
 def one_mass(mass=0.5, samples=400):
@@ -64,7 +64,7 @@ def test_what_a_late_state_hides_is_nothing_where_its_stamp_tells():
 
 def test_without_noise_there_is_no_error():
     configuration = of('paper_circle', duration=1.0, **{'sensor.delay': 3e-3})
-    unknown = noise_of(configuration.plant.imperfections, PERIOD, 3)
+    unknown = noise_of(configuration.imperfections, PERIOD, 3)
     assert least(linearise(configuration), unknown, PERIOD) < 1e-10
     assert set(least_error(configuration).errors.values()) == {0.0}
 
@@ -81,7 +81,7 @@ def test_exact_states_leave_the_disturbance_since_the_measurement(late):
 def test_the_axes_are_masses():
     changes = {'disturbance.noise': 0.2, 'sensor.delay': 2e-3}
     configuration = of('axes_step', **AXES, **changes)
-    inertia = np.array(configuration.plant.robot.parameters.inertia)
+    inertia = np.array(configuration.true_robot.parameters.inertia)
     share = np.arange(3) + 0.5
     each = 0.2 * PERIOD**2 / inertia * np.sqrt(np.sum(share**2))
     found = least_error(configuration).errors[WHOLE]
@@ -164,7 +164,7 @@ def test_the_linear_motion_is_that_of_the_plant():
     configuration = of('paper_circle', **changes, **{
         'plant.initial_pose': configuration.trajectory.sample(0.0).pose[0].tolist(),
     })  # fmt: skip
-    motion, plant = linearise(configuration), Simulator(configuration.plant)
+    motion, plant = linearise(configuration), Simulator(configuration)
     start, torque = plant.pose[:2], np.array([0.3, -0.2, 0.1])
     deviation = np.zeros(6)
     for _ in range(20):
@@ -176,10 +176,10 @@ def test_the_linear_motion_is_that_of_the_plant():
 @pytest.mark.parametrize('scenario', ['paper_circle', 'axes_step', 'serial_2r_circle'])
 def test_the_coordinates_along_a_motion_are_those_at_which_the_robot_would_start(scenario):
     configuration = of(scenario, duration=4.0)
-    robot, poses = configuration.plant.robot, configuration.trajectory.sample(
+    robot, poses = configuration.true_robot, configuration.trajectory.sample(
         np.arange(0.0, 4.0, 0.05)
     ).pose  # fmt: skip
-    found = coordinates_of(robot, assemble_plant(configuration.plant), poses)
+    found = coordinates_of(robot, assemble_plant(configuration), poses)
     expected = [robot.module.start(robot.parameters, pose) for pose in poses]
     assert found == pytest.approx(np.array(expected), abs=1e-12)
 

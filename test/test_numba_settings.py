@@ -81,7 +81,7 @@ from parallel_robot_control.controller import Controller
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.plant_run import Simulator
 whole = configure(resolve('paper_circle'))
-for kind, part in ((Controller, whole.control), (Simulator, whole.plant)):
+for kind, part in ((Controller, whole), (Simulator, whole)):
     try:
         kind(part)
     except InputError as error:

@@ -69,7 +69,7 @@ def parts():
 @pytest.fixture(scope='module')
 def controls():
     """A controller with each law."""
-    return {name: control.assemble(CONFIGURATION.control, name) for name in LAWS}
+    return {name: control.assemble(CONFIGURATION, name) for name in LAWS}
 
 
 @pytest.fixture(scope='module')
@@ -119,8 +119,8 @@ def tour(names):
 def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     """Through the changes of the controller; the compiled loop has the same bits."""
     laws = [law for law in LAWS if law not in ON_ANOTHER_FILTER]
-    memory = control.memory_of(CONFIGURATION.control)  # one for all laws
-    controls = {name: control.assemble(CONFIGURATION.control, name, memory) for name in laws}
+    memory = control.memory_of(CONFIGURATION)  # one for all laws
+    controls = {name: control.assemble(CONFIGURATION, name, memory) for name in laws}
     names = tour(laws)
     assert len(set(itertools.pairwise(names))) == len(laws) * (len(laws) - 1)
     rig, dwell = Rig('lockstep', law=names[0]), SAMPLES // len(names)

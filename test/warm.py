@@ -31,9 +31,9 @@ def of_nodes(scenario):
     """The kernels of the nodes for a robot."""
     values = resolve(scenario)
     whole = configure(values)
-    Controller(whole.control)
-    Simulator(whole.plant).warm()
-    motions_of(values).load()
+    Controller(whole)
+    Simulator(whole).warm()
+    motions_of(values).load_kernels()
 
 
 def of_the_analysis(scenario):

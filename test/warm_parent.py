@@ -34,7 +34,7 @@ _values = config.resolve('paper_circle')
 Controller(configure(_values))
 Simulator(configure_plant(_values)).warm()
 preflight.check(trajectory_of(_values), _values['period'])
-motions_of(_values).load()
+motions_of(_values).load_kernels()
 for topic in topics.RECORDED:
     check_for_type_support(message_class(topic.type))
 inspect.stack()  # looks at all modules once: the first line of a node's log does so, too

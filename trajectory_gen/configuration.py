@@ -6,19 +6,26 @@ import contextlib
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config, fields, points
 from parallel_robot_model.configuration.config import Modules
-from parallel_robot_model.configuration.fields import Declared, Field, Groups, build_groups, check
-from parallel_robot_model.configuration.loop import DURATION, loop_of
+from parallel_robot_model.configuration.fields import (
+    Declared,
+    Field,
+    check,
+    declared_in,
+    grouped,
+)
+from parallel_robot_model.configuration.loop import DURATION
 from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
-from parallel_robot_model.robots.registry import RobotModel, robot_of
+from parallel_robot_model.robots.registry import RobotConfiguration, RobotModel
 from trajectory_gen import hold, waypoints
 from trajectory_gen.joint_path import as_poses
 from trajectory_gen.shapes import SHAPES, Shape, custom_trajectories, shapes
@@ -30,36 +37,77 @@ INITIAL = 'plant.initial_pose'
 QUATERNIONS = 'quaternions'
 
 
-class Motions(NamedTuple):
+class MotionConfiguration(RobotConfiguration):
     """The desired motion of a robot, and all to which it can be changed."""
 
-    robot: RobotModel
-    shapes: Mapping[str, Shape]  # all shapes by name
-    groups: Groups  # their parameters, and those of the motion
-    # pose in which the robot is, for `hold`; at first the initial one of the plant
-    here: Sequence[Any]
+    motion = grouped('trajectory', TrajectoryParameters)
+
+    @cached_property
+    def shapes(self) -> Mapping[str, Shape]:
+        """All shapes by name."""
+        with locating(self.values):
+            return shapes(self.loop.custom_trajectories)
+
+    @cached_property
+    def here(self) -> Sequence[Any]:
+        """Pose in which the robot is, for `hold`; at first the initial one of the plant."""
+        pose: Sequence[Any] = self.values.get(INITIAL, ())
+        return pose
+
+    @property
+    def limits(self) -> Any:
+        """MotionLimits of the robot."""
+        return self.at('trajectory', self.module.MotionLimits)
 
     @property
     def trajectory(self) -> Trajectory:
-        """The desired motion, see :func:`trajectory_from`."""
-        return trajectory_from(self.groups, self.robot, self.shapes, self.here)
+        """The desired motion.
 
-    def from_pose(self, here: tuple[float, ...]) -> Trajectory:
-        """The desired motion of a robot that is in some pose."""
-        return self._replace(here=here).trajectory
+        Raises:
+            UnknownNameError: no such shape.
+            InputError: the shape refuses its parameters, or does not suit the robot.
+        """
+        with locating(self.values):
+            name, robot, known = self.motion.shape, self.robot, self.shapes
+            if name not in known:
+                raise UnknownNameError('trajectory.shape', name, known, 'trajectory.shape')
+            shape: Any = known[name]  # a module, which is hashable
+            given = self.placed(name, self.here)
+            joints = getattr(given, 'space', '') == 'joints'
+            near = robot.pose_of(INITIAL, self.here) if joints else ()
+            return _trajectory(robot, self.motion, self.limits, shape, given, near)
 
     def given(self, name: str) -> Any:
         """Parameters of a shape."""
-        return self.groups.at(name, self.shapes[name].Parameters)
+        return self.at(name, self.shapes[name].Parameters)
+
+    def placed(self, name: str, here: Sequence[Any]) -> Any:
+        """Parameters of a shape of the robot that is in the pose `here`."""
+        given = self.given(name)
+        if name == 'hold' and not given.pose:
+            given = hold.Parameters(self.robot.pose_of(INITIAL, here))
+        if getattr(given, 'space', '') == QUATERNIONS:
+            given = given._replace(points=as_poses(self.robot, given.points), space='pose')
+        return given
 
     @property
     def asked(self) -> tuple[Any, ...]:
         """What the desired motion depends on."""
-        own = self.groups[TrajectoryParameters]
-        limits = self.groups[self.robot.module.MotionLimits]
-        return own._replace(lookahead=0.0, transition=0.0), limits, self.given(own.shape)
+        own = self.motion
+        return own._replace(lookahead=0.0, transition=0.0), self.limits, self.given(own.shape)
 
-    def load(self) -> None:
+    def check_motion(self) -> None:
+        """Find what is wrong in the parameters of the motion, even of shapes that are not used.
+
+        Raises:
+            InputError: a value is wrong.
+        """
+        robot = self.robot  # at first the number of its joints
+        self.check(declared(robot.module, self.shapes))
+        with locating(self.values):
+            check_columns(self.values, robot)
+
+    def load_kernels(self) -> None:
         """Load the machine code of all motions, which would hold up a loop that runs.
 
         Those that this robot cannot perform, or not with their present parameters, are left out.
@@ -71,7 +119,7 @@ class Motions(NamedTuple):
         for name, shape in self.shapes.items():
             parameters = own.parameters._replace(shape=name)
             with contextlib.suppress(InputError):
-                given = _placed(self.groups, name, shape, self.robot, own.first_pose)
+                given = self.placed(name, own.first_pose)
                 Trajectory(self.robot, parameters, own.limits, shape, given).sample(0.0)
 
 
@@ -83,9 +131,20 @@ def of_shapes(shapes: Mapping[str, Shape]) -> Declared:
 
 def declared(robot: Robot, shapes: Mapping[str, Shape]) -> Declared:
     """Groups of the motion and of all its shapes."""
-    yield 'trajectory', TrajectoryParameters
+    yield from declared_in(MotionConfiguration)
     yield 'trajectory', robot.MotionLimits
     yield from of_shapes(shapes)
+
+
+def motions_of(values: Mapping[str, Any]) -> MotionConfiguration:
+    """The desired motion of a resolved configuration, and all to which it can be changed.
+
+    Raises:
+        InputError: a value is wrong, even one of a shape that is not used.
+    """
+    motions = MotionConfiguration(values)
+    motions.check_motion()
+    return motions
 
 
 def trajectory_of(values: Mapping[str, Any]) -> Trajectory:
@@ -94,22 +153,7 @@ def trajectory_of(values: Mapping[str, Any]) -> Trajectory:
     Raises:
         InputError: a value is wrong, even one of a shape that is not used.
     """
-    with locating(values):
-        return motions_of(values).trajectory
-
-
-def motions_of(values: Mapping[str, Any]) -> Motions:
-    """The desired motion of a resolved configuration, and all to which it can be changed.
-
-    Raises:
-        InputError: a value is wrong.
-    """
-    loop, nominal = loop_of(values), robot_of(values)
-    with locating(values):
-        known = shapes(loop.custom_trajectories)
-        groups = build_groups(values, declared(nominal.module, known))
-        check_columns(values, nominal)
-        return Motions(nominal, known, groups, values.get(INITIAL, ()))
+    return motions_of(values).trajectory
 
 
 def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
@@ -141,7 +185,7 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
     )
 
 
-def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:
+def changed(motions: MotionConfiguration, values: Mapping[str, Any]) -> MotionConfiguration:
     """The same motions with other parameters.
 
     Args:
@@ -153,22 +197,24 @@ def changed(motions: Motions, values: Mapping[str, Any]) -> Motions:
         InputError: a value is wrong, or a list of a custom trajectory has another length, for
             which it would have to be compiled.
     """
-    groups = build_groups(values, declared(motions.robot.module, motions.shapes))
-    made = motions._replace(groups=groups)
+    same = {key: getattr(motions, key) for key in ('loop', 'module', 'robot', 'shapes', 'here')}
+    made = MotionConfiguration({**motions.values, **values}).with_parts(**same)
+    made.check(declared(made.module, made.shapes))
     for name in motions.shapes.keys() - SHAPES.keys():
         if _lengths(made.given(name)) != _lengths(motions.given(name)):
             raise InputError(f'the lists of {name} keep their lengths while the node runs', name)
     return made
 
 
-def settings(motions: Motions) -> Iterator[tuple[str, Any]]:
+def settings(motions: MotionConfiguration) -> Iterator[tuple[str, Any]]:
     """Keys and plain values of what can change while the motion is performed.
 
     Not when its samples are sent, nor the file of points, which is read at the start alone.
     """
-    for prefix, kind in declared(motions.robot.module, motions.shapes):
-        group = motions.groups.at(prefix, kind)
-        for parameter, value in zip(fields.parameters(kind), group, strict=True):
+    for prefix, kind in declared(motions.module, motions.shapes):
+        for parameter, value in zip(
+            fields.parameters(kind), motions.at(prefix, kind), strict=True
+        ):
             key = f'{prefix}.{parameter.key}'
             if key not in FIXED:
                 yield key, fields.plain(value)
@@ -176,44 +222,6 @@ def settings(motions: Motions) -> Iterator[tuple[str, Any]]:
 
 def _lengths(given: Any) -> list[int]:
     return [len(value) if isinstance(value, tuple) else 0 for value in given]
-
-
-def trajectory_from(
-    groups: Groups, robot: RobotModel, shapes: Mapping[str, Shape], here: Sequence[Any]
-) -> Trajectory:
-    """The desired motion of a robot.
-
-    Args:
-        groups: Parameters of the motion and of all shapes.
-        robot: The robot.
-        shapes: All shapes by name.
-        here: Pose in which the robot is, m numbers; only looked at if the shape needs it.
-
-    Raises:
-        UnknownNameError: no such shape.
-        InputError: the shape refuses its parameters, or does not suit the robot.
-    """
-    parameters = groups[TrajectoryParameters]
-    name = parameters.shape
-    if name not in shapes:
-        raise UnknownNameError('trajectory.shape', name, shapes, 'trajectory.shape')
-    limits, shape = groups[robot.module.MotionLimits], shapes[name]
-    known: Any = shape  # a module, which is hashable
-    given = _placed(groups, name, shape, robot, here)
-    near = robot.pose_of(INITIAL, here) if getattr(given, 'space', '') == 'joints' else ()
-    return _trajectory(robot, parameters, limits, known, given, near)
-
-
-def _placed(
-    groups: Groups, name: str, shape: Shape, robot: RobotModel, here: Sequence[Any]
-) -> Any:
-    """Parameters of a shape of a robot that is in the pose `here`."""
-    given = groups.at(name, shape.Parameters)
-    if name == 'hold' and not given.pose:
-        given = hold.Parameters(robot.pose_of(INITIAL, here))
-    if getattr(given, 'space', '') == QUATERNIONS:
-        given = given._replace(points=as_poses(robot, given.points), space='pose')
-    return given
 
 
 @functools.lru_cache(maxsize=4)  # the runs of a study share them

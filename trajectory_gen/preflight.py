@@ -10,7 +10,7 @@ from parallel_robot_model.common.errors import InputError, MotionError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import first_sample
 from trajectory_gen import joint_path, waypoints
-from trajectory_gen.configuration import Motions
+from trajectory_gen.configuration import MotionConfiguration
 from trajectory_gen.messages import Points
 from trajectory_gen.trajectory import (
     LOOKS,
@@ -134,7 +134,7 @@ def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
 POINTS = 'points of a message'  # name of such a motion
 
 
-def led_into(course: Course, index: int, motions: Motions) -> Course:
+def led_into(course: Course, index: int, motions: MotionConfiguration) -> Course:
     """A course until a sample, then led into another motion.
 
     Both go on during ``trajectory.transition``, in which one fades into the other. A motion of
@@ -147,7 +147,7 @@ def led_into(course: Course, index: int, motions: Motions) -> Course:
         MotionError: the robot cannot perform it.
     """
     before = course.until(index)
-    trajectory = motions.from_pose(tuple(before.sample(index).pose[0].tolist()))
+    trajectory = motions.with_parts(here=tuple(before.sample(index).pose[0].tolist())).trajectory
     last, duration = before.parts[-1], trajectory.parameters.transition
     time = (index - last.begin) * course.period
     entry, bare = last.trajectory.entry, last.trajectory.entered(None)

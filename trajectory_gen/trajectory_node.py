@@ -43,7 +43,7 @@ from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.messages import pose_messages, reference_messages
 from trajectory_gen.preflight import motion_doubts
-from trajectory_gen.trajectory import Course, Reference, Trajectory, TrajectoryParameters
+from trajectory_gen.trajectory import Course, Reference, Trajectory
 
 # The pose in which the robot is, from its joint states.
 
@@ -127,7 +127,7 @@ class TrajectoryNode(SuiteNode):
                 self.get_logger().warning(doubt)
         if self._present is None:
             preflight.check(trajectory, self.loop.period)
-        self._motions.load()
+        self._motions.load_kernels()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
         self._course = Course(trajectory, self.loop.period)
         self._asked_motion: bytes | None = None  # a message that waits to be looked at
@@ -213,13 +213,13 @@ class TrajectoryNode(SuiteNode):
 
     def _present_pose(self) -> PresentPose | None:
         """What finds the pose in which the robot is; None where it is known, or not needed."""
-        own, robot = self._motions.groups[TrajectoryParameters], self._motions.robot
+        own, robot = self._motions.motion, self._motions.robot
         held = own.shape == 'hold' and not self._motions.given('hold').pose
         if self.lockstep or self.loop.start_stamp or not held:
             return None
         guess = self.values[GUESS]
         if guess:
-            self._motions = self._motions._replace(here=robot.pose_of(GUESS, guess))
+            self._motions = self._motions.with_parts(here=robot.pose_of(GUESS, guess))
         return PresentPose(self._motions.trajectory, self.loop.joints, known(self.values))
 
     def _on_joints(self, data: bytes) -> None:
@@ -228,7 +228,7 @@ class TrajectoryNode(SuiteNode):
         pose = present.read(data) if present else None
         if present is None or pose is None:
             return
-        trajectory = self._motions.from_pose(pose)
+        trajectory = self._motions.with_parts(here=pose).trajectory
         try:
             preflight.check(trajectory, self.loop.period)
         except MotionError as error:
@@ -238,7 +238,7 @@ class TrajectoryNode(SuiteNode):
         numbers = zip(axes, pose, strict=True)
         text = ', '.join(f'{axis.name} = {number:.6g} {axis.unit}' for axis, number in numbers)
         self.get_logger().info(f'holds the pose in which the robot is: {text}')
-        self._motions = self._motions._replace(here=pose)
+        self._motions = self._motions.with_parts(here=pose)
         self._course, self._rest = Course(trajectory, self.loop.period), _at_rest(trajectory)
         self._present = None  # at last: samples are published from here on
 

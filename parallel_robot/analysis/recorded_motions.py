@@ -70,7 +70,7 @@ class PlantWindows:
         except ParallelRobotError as error:
             raise self._whole(str(error)) from None
         loop = configuration.loop
-        special = configuration.parameters.engine == MUJOCO or values.get('hazards')
+        special = configuration.plant.engine == MUJOCO or values.get('hazards')
         if special or not (self._simulated or loop.lockstep):
             raise self._whole('it is no simulation without hazards')
         self._tick, self._period, self._age = loop.period_ns, loop.period, reported_age(values)
@@ -274,10 +274,10 @@ def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
         plant, trajectory = configure_plant(log.config), trajectory_of(log.config)
         rows = np.rint(true.time / plant.loop.period).astype(np.int64)
         last = int(rows[-1])
-        if plant.parameters.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(rows):
+        if plant.plant.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(rows):
             return None
         if plant.loop.last_index != last:  # it ended early, or had no end
-            plant = plant._replace(loop=plant.loop._replace(duration=last * plant.loop.period))
+            plant = plant.with_parts(loop=plant.loop._replace(duration=last * plant.loop.period))
         planned = trajectory.sample(plant.loop.period * rows).position
         if np.abs(planned - true.reference_position).max() > PLANNED:
             return None
@@ -311,7 +311,7 @@ def _again(log: RunLog, past: History) -> Motion | None:
     """The true motion by the plant that moves once more; None if it is another one."""
     configuration = configure_plant(log.config)
     loop = configuration.loop
-    if configuration.parameters.engine == MUJOCO:
+    if configuration.plant.engine == MUJOCO:
         return None
     tick, age = loop.period_ns, reported_age(log.config)
     measured = np.rint((log.stamps + age - log.start_stamp) / tick).astype(int)

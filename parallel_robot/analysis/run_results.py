@@ -181,7 +181,7 @@ class SimulatedFigures:
             if self._motions is None:
                 configuration = part.configuration
                 self._motions = SimulatedMotions(configuration)
-                self._ideal = IdealTorque(configuration.trajectory, configuration.plant)
+                self._ideal = IdealTorque(configuration.trajectory, configuration)
                 plan = _plan(part, None if self._motions.told is None else Told(configuration))
                 self._figures = RunningFigures(-math.inf, math.inf, False, plan)
             stop = part.first + part.run.steps

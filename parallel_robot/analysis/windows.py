@@ -389,10 +389,10 @@ class _Ideal:
             self._period = plant.loop.period
             if (plant.loop.last_index or 0) < count - 1:  # it had no end
                 duration = (count - 1) * self._period
-                plant = plant._replace(loop=plant.loop._replace(duration=duration))
+                plant = plant.with_parts(loop=plant.loop._replace(duration=duration))
             self._last = plant.loop.last_index or 0
             self._torque = IdealTorque(self._trajectory, plant)
-            self._known = plant.parameters.engine != MUJOCO
+            self._known = plant.plant.engine != MUJOCO
         except ParallelRobotError:
             return
 

@@ -31,7 +31,7 @@ from parallel_robot_model.compiler import Boxed, as_constants, vector
 from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles
 from parallel_robot_model.robots.joint_load import JointLoad
 from parallel_robot_model.robots.registry import RobotModel
-from parallel_robot_sim.configuration import Configuration, PlantConfiguration, assemble_plant
+from parallel_robot_sim.configuration import Configuration, assemble_plant
 from parallel_robot_sim.plant import MUJOCO
 from parallel_robot_sim.simulation import samples_of
 from trajectory_gen import preflight
@@ -165,14 +165,14 @@ def law_contents(configuration: ControlConfiguration) -> Contents:
     )
 
 
-def plant_contents(configuration: PlantConfiguration) -> Contents:
+def plant_contents(configuration: Configuration) -> Contents:
     """The simulated robot with its motors and sensors.
 
     Raises:
         InputError: it does not reach its initial pose, has hazards, or is moved by MuJoCo.
     """
-    loop, robot = configuration.loop, configuration.robot
-    if configuration.parameters.engine == MUJOCO:
+    loop, robot = configuration.loop, configuration.true_robot
+    if configuration.plant.engine == MUJOCO:
         raise InputError('plant.engine must be analytic in an FMU, not mujoco', 'plant.engine')
     if loop.hazards:
         raise InputError('hazards must be empty in an FMU: they happen to a loop', 'hazards')
@@ -182,7 +182,7 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
     values: Any = instance.values
     rows = Rows(int(values), loop.joints, robot.joint_units)
     last = int(values) + WORD * kernels.PLANT_ROWS * len(loop.joints)
-    load = configuration.load
+    load = configuration.joint_load
 
     variables = [
         *rows.of('input', (kernels.PLANT_TORQUE, 'torque', 'N m', 'commanded torque')),
@@ -216,7 +216,7 @@ def plant_contents(configuration: PlantConfiguration) -> Contents:
         *(
             each
             for each in of_group(
-                configuration.parameters, 'plant', plant.setup.parameters, as_constants,
+                configuration.plant, 'plant', plant.setup.parameters, as_constants,
                 robot.joint_units,
             )
             if each.name.startswith(OF_MOTORS)
@@ -239,7 +239,7 @@ def loop_contents(configuration: Configuration) -> Contents:
     Raises:
         InputError: as of both, or the robot cannot perform the motion.
     """
-    law, plant = law_contents(configuration.control), plant_contents(configuration.plant)
+    law, plant = law_contents(configuration), plant_contents(configuration)
     count = samples_of(configuration)
     if count > MOST:
         longest = (MOST - 1) * law.period

@@ -82,8 +82,8 @@ def ros2_package(
             f'{contents.period:g}',
             'period',
         )
-    safety, of = configuration.control.safety, KINDS[kind]
-    joints = configuration.control.loop.joints
+    safety, of = configuration.safety, KINDS[kind]
+    joints = configuration.loop.joints
     needed = list(dict.fromkeys([of.base, 'hardware_interface', *of.dependencies.split()]))
     words = {
         'package': name,
@@ -138,7 +138,7 @@ def _quoted(names: Iterable[str]) -> str:
 
 def _description(contents: Contents, configuration: Configuration) -> dict[str, str]:
     """Words of the robot description: joints with their limits, parameters, interfaces."""
-    control, units = configuration.control, configuration.control.robot.joint_units
+    control, units = configuration, configuration.robot.joint_units
     limits = zip(control.safety.torque_limit, control.safety.speed_limit, strict=True)
     joints, interfaces = [], []
     for k, (joint, (effort, speed)) in enumerate(zip(control.loop.joints, limits, strict=True)):

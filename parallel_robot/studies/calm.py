@@ -273,8 +273,7 @@ def _in_motion(configuration: Configuration) -> Configuration:
     end, loop = configuration.trajectory.end, configuration.loop
     if end is None or end >= loop.duration:
         return configuration
-    loop = loop._replace(duration=end)
-    return configuration._replace(loop=loop, plant=configuration.plant._replace(loop=loop))
+    return configuration.with_parts(loop=loop._replace(duration=end))
 
 
 def least_error(
@@ -293,13 +292,13 @@ def least_error(
             or the period is too long for chattering.
     """
     configuration = _in_motion(configuration)
-    loop, plant = configuration.loop, configuration.plant
+    loop, robot = configuration.loop, configuration.true_robot
     if calm and not samples_beside(loop.period):
         raise InputError(
             f'no price of calm with a period of {loop.period:g} s: chattering is what varies '
             f'within {SMOOTH:g} s; choose a shorter period'
         )
-    noise = noise_of(plant.imperfections, loop.period, len(loop.joints))
+    noise = noise_of(configuration.imperfections, loop.period, len(loop.joints))
     asked = CAUSES if causes else {WHOLE: CAUSES[WHOLE]}
     times = points_of(loop.duration)
     if noise.moves():
@@ -309,14 +308,14 @@ def least_error(
         }
     else:  # a state that is known at the start stays known, on a motion within reach
         poses = configuration.trajectory.sample(times).pose
-        coordinates_of(plant.robot, assemble_plant(plant), poses)
+        coordinates_of(robot, assemble_plant(configuration), poses)
         found = dict.fromkeys(asked, 0.0)
     steady = times[times >= 0.5 * times[-1]]
     travelled, price = np.nan, None
-    told = plant.imperfections.age > 0.0
-    if plant.robot.place and not told:
-        rate = configuration.trajectory.sample(steady).pose_rate[:, : plant.robot.place]
-        late = np.floor(plant.imperfections.sensor.delay / loop.period + 0.5) * loop.period
+    told = configuration.imperfections.age > 0.0
+    if robot.place and not told:
+        rate = configuration.trajectory.sample(steady).pose_rate[:, : robot.place]
+        late = np.floor(configuration.imperfections.sensor.delay / loop.period + 0.5) * loop.period
         travelled = float(late * np.sqrt(np.mean(np.sum(rate**2, axis=1))))
     geometry = geometry_error(configuration, steady) if causes else np.nan
     if calm and found[WHOLE] > NEGLIGIBLE:

@@ -158,10 +158,10 @@ def compute(
     for scenario, configuration in _experiments(name, changes, runs, duration):
         if not configuration.loop.duration:
             raise InputError(ENDLESS)
-        planar &= configuration.plant.robot.place > 0
+        planar &= configuration.true_robot.place > 0
         encoders |= any(np.any(configuration.values[key]) for key in ENCODERS)
-        drives |= configuration.plant.imperfections.drive.on
-        units.append(configuration.plant.robot.joint_units)
+        drives |= configuration.imperfections.drive.on
+        units.append(configuration.true_robot.joint_units)
         found.setdefault(scenario, []).append(least_error(configuration, calm=calm, rest=rest))
     remarks = (*((ESTIMATE,) if encoders else ()), *((RIGID,) if drives else ()))
     return LeastErrors(found, planar, calm, remarks, all_of(units), rest)

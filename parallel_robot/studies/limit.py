@@ -63,7 +63,7 @@ def linearise(configuration: Configuration) -> LinearMotion:
     Raises:
         InputError: the robot does not reach the motion.
     """
-    motion = performed(configuration.trajectory, smooth(configuration.plant))
+    motion = performed(configuration.trajectory, smooth(configuration))
     transition, joints, pose = _moved(
         motion.advance,
         motion.plant.setup,
@@ -73,7 +73,7 @@ def linearise(configuration: Configuration) -> LinearMotion:
         configuration.loop.period,
     )
     count = motion.torque.shape[1]
-    place = configuration.plant.robot.place
+    place = configuration.true_robot.place
     error = pose[:, :place] if place else joints[:, :count] / np.sqrt(count)
     error = np.ascontiguousarray(error)
     return LinearMotion(motion.times, transition, motion.pushed, joints, error)
@@ -306,8 +306,8 @@ def geometry_error(configuration: Configuration, times: Array) -> float:
     Raises:
         KinematicsError: the true robot has no pose at some joints.
     """
-    robot = configuration.plant.robot
-    off = np.array(configuration.plant.imperfections.sensor.zero_angle)
+    robot = configuration.true_robot
+    off = np.array(configuration.imperfections.sensor.zero_angle)
     off = off - known(configuration.values)
     if not robot.place:
         return float(np.sqrt(np.mean(off**2)))

@@ -14,7 +14,6 @@ from parallel_robot.studies.file_in_engine import Compared
 from parallel_robot_control.configuration import resolve as resolve_control
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.robots.described.default_values import at_home
@@ -187,10 +186,9 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
     Raises:
         InputError: a value is wrong, or a function of the robot cannot be used.
     """
-    plant = configure_plant(values := values_of(given))
-    robot = plant.robot
-    margins = group(values, robot.module.SafetyMargins, 'safety')
-    centre = np.array(robot.pose_of('plant.initial_pose', plant.parameters.initial_pose))
+    configuration = configure_plant(values_of(given))
+    robot, margins = configuration.true_robot, configuration.margins
+    centre = np.array(robot.pose_of('plant.initial_pose', configuration.plant.initial_pose))
     random = np.random.default_rng(seed)
     worst: dict[tuple[str, str], Check] = {}
     for k in range(STATES):
@@ -199,7 +197,7 @@ def verify_robot(given: Mapping[str, Any], seed: int) -> tuple[str, list[Check]]
         )
         rate = random.uniform(-RATE, RATE, len(centre))
         try:
-            found = [*checks(robot, plant.load, pose, rate, margins)]
+            found = [*checks(robot, configuration.joint_load, pose, rate, margins)]
         except InputError:
             if k:  # out of reach
                 continue

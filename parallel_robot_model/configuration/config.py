@@ -146,16 +146,14 @@ def resolve_with_sources(
         Key to value, and key to source: a file of ``config/``, the path of another file,
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
-    changed = config_files.with_file_contents(_plain(overrides or {}))
-    name, of_scenario = _scenario(scenario)
-    given = str(changed.pop('scenario', name))
-    if config_files.absolute_scenario(given) not in (
-        name,
-        config_files.absolute_scenario(scenario),
-    ):
-        raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
+    # 1. All that is read.
     files = shipped()
-    asked = merged([files.defaults[1], *(values for _, values in of_scenario), changed])
+    name, given = _scenario(scenario)
+    changes = config_files.with_file_contents(_plain(overrides or {}))
+    _check_scenario(name, scenario, str(changes.pop('scenario', name)))
+    given.append((OVERRIDE, changes))
+    # 2. Merged, first to what names robot, laws and motions, then with the defaults of these.
+    asked = merged([files.defaults[1], *(values for _, values in given)])
     _check_modules(asked)
     own = loaded.defaults(asked)
     with locating(asked):
@@ -164,34 +162,46 @@ def resolve_with_sources(
     _check_names(asked, layers, gains)
     laws, shapes = (module_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
     layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, own))]
-    config = merged(values for _, values in layers)
-    known = set(config) | {f'true_{key}' for key in config if key.startswith('robot.')}
-    opaque = (laws | shapes) - _groups(layers)  # not loaded here
-    for source, values in (*of_scenario, (OVERRIDE, changed)):
-        for key in values:
-            if key not in known and key.partition('.')[0] not in opaque:
-                with locating(values):
-                    raise UnknownNameError('parameter', key, known, key)
-        layers.append((source, values))
-    layers.append((of_scenario[-1][0], {'scenario': name}))
+    known, opaque = merged(values for _, values in layers), (laws | shapes) - _groups(layers)
+    layers += [*given, (given[-2][0], {'scenario': name})]
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
+    # 3. Checked, and completed by what follows from it.
+    of_robot = [key for key in config if key.startswith('robot.')]
+    names = {*known, *(f'true_{key}' for key in known if key.startswith('robot.'))}
+    for _, values in given:
+        for key in values:
+            if key not in names and key.partition('.')[0] not in opaque:
+                with locating(values):
+                    raise UnknownNameError('parameter', key, names, key)
+    _complete(config)
     sources[DESCRIPTION] = sources[config_files.COMPILED] = config_files.MODEL
-    for key in CUSTOM:
-        config[key] = absolute_modules(key, config[key])
-    with locating(config):
-        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
-    for key in [key for key in config if key.startswith('robot.')]:
+    for key in of_robot:
         if f'true_{key}' not in config:
             config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
     preset = merged(values for _, values in gains)
     other = next((key for key, value in preset.items() if config[key] != value), None)
-    if other and changed.get('preset') == PRESET:
+    if other and changes.get('preset') == PRESET:
         raise InputError(
             f'preset is {PRESET}, but {other} is {config[other]!r}, not {preset[other]!r}'
         )
     config['preset'], sources['preset'] = 'custom' if other else PRESET, other or 'laws/*.yaml'
     return config, sources
+
+
+def _check_scenario(name: str, scenario: str, given: str) -> None:
+    """Refuse a change of the scenario to another one."""
+    same = name, config_files.absolute_scenario(scenario)
+    if config_files.absolute_scenario(given) not in same:
+        raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
+
+
+def _complete(config: Placed) -> None:
+    """Write files as absolute paths, and hazards as texts."""
+    for key in CUSTOM:
+        config[key] = absolute_modules(key, config[key])
+    with locating(config):
+        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
 
 
 def _check_names(asked: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]) -> None:
@@ -245,10 +255,7 @@ def changed(
             with locating(changes):
                 raise UnknownNameError('parameter', key, known, key)
     config = merged((known, changes))
-    for key in CUSTOM:
-        config[key] = absolute_modules(key, config[key])
-    with locating(config):
-        config[hazards.KEY] = hazards.texts(config[hazards.KEY])
+    _complete(config)
     same = all(config[key] == value for key, value in gains.items())
     return config | {'preset': PRESET if same else 'custom'}
 

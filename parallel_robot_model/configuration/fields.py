@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 import os
@@ -13,6 +14,7 @@ from typing import (
     Literal,
     NamedTuple,
     NewType,
+    Self,
     TypeVar,
     Union,
     cast,
@@ -258,52 +260,73 @@ Declared = Iterable[tuple[str, Any]]  # prefix and type of each group; '': keys 
 
 
 class Groups:
-    """Groups of parameters, whose values are checked: ``groups[SafetyParameters]``."""
+    """Typed groups of a resolved configuration; each is built and checked when it is asked for."""
 
-    def __init__(self, groups: Mapping[tuple[str, Any], Any]) -> None:
-        """Hold the groups of prefixes and types."""
-        self._found = groups
-
-    def __getitem__(self, kind: type[Group]) -> Group:
-        """The group of a type that is declared once."""
-        (group_of_kind,) = (group for (_, known), group in self._found.items() if known is kind)
-        return group_of_kind
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Hold the values by dotted key; those that no group declares are left to others."""
+        self.values = values
+        self._built: dict[tuple[str, Any], Any] = {}
 
     def at(self, prefix: str, kind: type[Group]) -> Group:
-        """The group of a type that has several prefixes, e.g. that of two robots."""
-        group_there: Group = self._found[prefix, kind]
+        """The group of a type under a prefix; '': keys without a dot.
+
+        Raises:
+            InputError: a value is missing or wrong; it says where that stands.
+        """
+        if (prefix, kind) not in self._built:
+            start = f'{prefix}.' if prefix else ''
+            keys = [start + parameter.key for parameter in parameters(kind)]
+            own = {key.removeprefix(start): self.values[key] for key in keys if key in self.values}
+            given = self.values.get('joints')
+            joints = len(given) if isinstance(given, list) else None
+            with locating(self.values):
+                self._built[prefix, kind] = build(kind, own, start, joints)
+        group_there: Group = self._built[prefix, kind]
         return group_there
 
+    def check(self, declared: Declared) -> None:
+        """Build groups, several of which may share a prefix, to find what is wrong in them.
 
-def build_groups(values: Mapping[str, Any], declared: Declared) -> Groups:
-    """Build the typed groups of a resolved configuration.
+        Raises:
+            InputError: a value is missing or wrong.
+        """
+        for prefix, kind in declared:
+            self.at(prefix, kind)
 
-    Args:
-        values: Dotted key to value. Keys that no group declares are left to others.
-        declared: The groups. Several may share a prefix.
+    def with_parts(self, **parts: Any) -> Self:
+        """The same with other parts, by the names of the properties."""
+        made = copy.copy(self)
+        made.__dict__.update(parts)
+        return made
 
-    Raises:
-        InputError: a value is missing or wrong.
-    """
-    given = values.get('joints')
-    joints = len(given) if isinstance(given, list) else None
-    groups: dict[tuple[str, Any], Any] = {}
-    for prefix, kind in declared:
-        start = f'{prefix}.' if prefix else ''
-        keys = [parameter.key for parameter in parameters(kind)]
-        own = {key: values[start + key] for key in keys if start + key in values}
-        groups[prefix, kind] = build(kind, own, start, joints)
-    return Groups(groups)
+
+class _Grouped:
+    """A property of a class of groups: its group of a type."""
+
+    def __init__(self, prefix: str, kind: Any) -> None:
+        self.declared = prefix, kind
+
+    def __get__(self, groups: Groups | None, _: type) -> Any:
+        return self if groups is None else groups.at(*self.declared)
+
+
+def grouped(prefix: str, kind: type[Group]) -> Group:
+    """A property of a class of groups that gives its group of a type, which is declared so."""
+    return cast(Any, _Grouped(prefix, kind))
+
+
+def declared_in(owner: type[Groups]) -> list[tuple[str, Any]]:
+    """Prefix and type of the groups that a class declares, without those of its bases."""
+    return [each.declared for each in vars(owner).values() if isinstance(each, _Grouped)]
 
 
 def group(values: Mapping[str, Any], kind: type[Group], prefix: str) -> Group:
-    """Build one group alone, see :func:`build_groups`.
+    """One group alone, see :meth:`Groups.at`.
 
     Raises:
         InputError: a value is missing or wrong; it says where that stands.
     """
-    with locating(values):
-        return build_groups(values, [(prefix, kind)])[kind]
+    return Groups(values).at(prefix, kind)
 
 
 # Units of the parameters of a robot's joints.

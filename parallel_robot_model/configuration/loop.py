@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import MICROSECOND, NANOSECONDS
 from parallel_robot_model.configuration import hazards
-from parallel_robot_model.configuration.fields import Field, build_groups
+from parallel_robot_model.configuration.fields import Field, group
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.messages.topics import SLOW
 
@@ -114,8 +114,8 @@ def loop_of(values: Mapping[str, Any]) -> LoopParameters:
         InputError: a value is wrong. No joints, or two with one name; a period that is
             not a whole number of microseconds; a motion without samples.
     """
+    loop = group(values, LoopParameters, '')
     with locating(values):
-        loop = build_groups(values, [('', LoopParameters)])[LoopParameters]
         _check(loop)
     return loop
 

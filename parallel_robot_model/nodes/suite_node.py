@@ -30,7 +30,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import config, config_files, fields, loop
-from parallel_robot_model.configuration.fields import build_groups, joint_field
+from parallel_robot_model.configuration.fields import Groups, joint_field
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes import parameters
 from parallel_robot_model.nodes.background import (
@@ -268,7 +268,8 @@ class SuiteNode(Node):  # type: ignore[misc]
             InputError: a value is wrong.
         """
         # A node that is started with its own parameters must find the file of its scenario.
-        groups = build_groups({**self.values, 'scenario': self._scenario}, declared)
+        groups = Groups({**self.values, 'scenario': self._scenario})
+        groups.check(declared)
         for prefix, kind in declared:
             values = groups.at(prefix, kind)
             for parameter, value in zip(fields.parameters(kind), values, strict=True):

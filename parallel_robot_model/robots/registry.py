@@ -6,6 +6,7 @@ import contextlib
 import functools
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from types import ModuleType
 from typing import Any, NamedTuple, cast
 
@@ -28,7 +29,16 @@ from parallel_robot_model.compiler import (
 )
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.config import Modules
-from parallel_robot_model.configuration.fields import Declared, Field, check, defaults, group
+from parallel_robot_model.configuration.fields import (
+    Declared,
+    Field,
+    Groups,
+    check,
+    declared_in,
+    defaults,
+    group,
+    grouped,
+)
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.configuration.plain_data import locating
 from parallel_robot_model.processes import custom_module
@@ -294,14 +304,44 @@ def default_values(name: str, robot: Robot) -> dict[str, Any]:
 
 # From a configuration to its robots.
 
-JOINT_LOADS = (('friction', FrictionParameters), ('disturbance', DisturbanceParameters))
 
+class RobotConfiguration(Groups):
+    """The robots of a resolved configuration, and the loop in which they move.
 
-def declared_groups(robot: Robot) -> Declared:
-    """Groups of the robots, nominal and true, and of the loads of their joints."""
-    yield 'robot', robot.Parameters
-    yield 'true_robot', robot.Parameters
-    yield from JOINT_LOADS
+    Each package derives its own from this, so that there is one configuration: its groups of
+    parameters by name, and what is made of them when it is asked for. What is asked for raises
+    InputError where a value is wrong, and says where that stands.
+    """
+
+    friction = grouped('friction', FrictionParameters)
+    disturbance = grouped('disturbance', DisturbanceParameters)
+
+    @cached_property
+    def loop(self) -> LoopParameters:
+        """Period, joints, law and the like."""
+        return loop_of(self.values)
+
+    @cached_property
+    def module(self) -> Robot:
+        """Module of the robot."""
+        with locating(self.values):
+            return module_of(self.loop)
+
+    @cached_property
+    def robot(self) -> RobotModel:
+        """The nominal robot."""
+        return self.robot_at('robot')
+
+    @cached_property
+    def true_robot(self) -> RobotModel:
+        """The robot of the plant."""
+        return self.robot_at('true_robot')
+
+    def robot_at(self, prefix: str) -> RobotModel:
+        """The robot whose parameters have a prefix."""
+        parameters = self.at(prefix, self.module.Parameters)
+        with locating(self.values):
+            return robot_with(self.module, self.loop, parameters, prefix)
 
 
 def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
@@ -310,10 +350,14 @@ def robot_of(values: Mapping[str, Any], prefix: str = 'robot') -> RobotModel:
     Raises:
         InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
-    loop = loop_of(values)
-    with locating(values):
-        module = module_of(loop)
-        return robot_with(module, loop, group(values, module.Parameters, prefix), prefix)
+    return RobotConfiguration(values).robot_at(prefix)
+
+
+def declared_groups(robot: Robot) -> Declared:
+    """Groups of the robots, nominal and true, and of the loads of their joints."""
+    yield 'robot', robot.Parameters
+    yield 'true_robot', robot.Parameters
+    yield from declared_in(RobotConfiguration)
 
 
 def is_known(values: Mapping[str, Any]) -> bool:

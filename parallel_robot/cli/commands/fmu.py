@@ -103,7 +103,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 def _contents(kind: str, configuration: Configuration) -> Contents:
     if kind == 'law':
-        return law_contents(configuration.control)
+        return law_contents(configuration)
     if kind == 'plant':
-        return plant_contents(configuration.plant)
+        return plant_contents(configuration)
     return loop_contents(configuration)

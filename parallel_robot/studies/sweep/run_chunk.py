@@ -53,7 +53,7 @@ def floor_of(configuration: Configuration) -> Floor:
     limit, delay = 1e6 * found.errors[WHOLE], 1e6 * found.travelled
     if not math.isfinite(limit):
         return Floor(delay_um=delay, limit_reason='the linear model of the motion is not finite')
-    if configuration.plant.robot.place:
+    if configuration.true_robot.place:
         return Floor(limit_um=limit, delay_um=delay)
     return Floor(limit_urad=limit, delay_um=delay)
 
@@ -105,8 +105,8 @@ def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     controller: Control | None = None
     for k, configuration in enumerate(configurations):
         try:
-            if controller is None or configuration.control != configurations[k - 1].control:
-                controller = control.assemble(configuration.control)
+            if controller is None or configuration.made_of != configurations[k - 1].made_of:
+                controller = control.assemble(configuration)
             prepared.append(_prepare(k, configuration, controller))
         except Exception as error:  # custom laws raise anything
             outcomes[k] = failed(error)
@@ -128,7 +128,7 @@ def failed(error: Exception) -> Outcome:
 def _prepare(place: int, configuration: Configuration, controller: Control) -> Prepared:
     """Put one run together."""
     loop, trajectory = configuration.loop, configuration.trajectory
-    plant = assemble_plant(configuration.plant)
+    plant = assemble_plant(configuration)
     reference = _reference(trajectory, loop.period, loop.last_index or 0)
     experiment = Experiment(loop, trajectory, controller, plant)
     return Prepared(place, configuration, experiment, reference)
