@@ -16,6 +16,7 @@ from parallel_robot_model.compiler import (
     as_arrays,
     as_vectors,
     clip,
+    cross,
     dot,
     entry_point,
     every,
@@ -458,3 +459,29 @@ def test_small_matrices_as_the_documentation_has_them():
     wanted = a @ b, a.T @ b, np.linalg.inv(m), a[0] @ b[1]
     for one, right in zip(found, wanted, strict=True):
         assert np.allclose(one, right, rtol=1e-12)
+
+
+LANES = {  # of x and y, shape (3,), and a symmetric matrix m
+    'elements': 'x * y + 0.5 * np.sin(x) - 2.0',
+    'cross': 'cross(x, y)',
+    'dot': 'dot(x, y)',
+    'product': 'm @ (np.transpose(m) @ x)',
+    'solve': 'solve(m, x)',
+    'select': 'select(x > y, x, clip(y, -0.1, 0.1))',
+    'vector': 'vector((0.0, x[2] * y[0], 1.0))',
+    'matrix': 'np.diag(x) @ np.roll(y, 1) + np.zeros_like(x)',
+}
+
+
+@pytest.mark.parametrize('text', LANES.values(), ids=LANES)
+def test_what_is_computed_for_one_robot_is_computed_for_eight_at_once(text):
+    """The element of a vector is a parameter of its type: a number, or one of each robot."""
+    names = {'np': np, 'cross': cross, 'dot': dot, 'solve': solve, 'vector': vector}
+    made = compiled(f'lambda x, y, m: {text}', select=select, clip=clip, **names)
+    random = np.random.default_rng(3)
+    x, y, m = (random.normal(size=(*shape, SIZE)) for shape in ((3,), (3,), (3, 3)))
+    m = np.einsum('ijk,ljk->ilk', m, m) + np.eye(3)[:, :, np.newaxis]
+    eight = np.asarray(run(made, *as_vectors((x, y, m))))
+    for k in range(SIZE):
+        one = np.asarray(run(made, *as_vectors((x[..., k], y[..., k], m[..., k]))))
+        np.testing.assert_array_equal(eight[..., k], one)

@@ -65,7 +65,8 @@ def _at(context: Any, builder: Any, kind: Any, value: Any, index: Any, at: Any) 
 def _vector(context: Any, given: Any) -> Any:
     if isinstance(given, VectorType):
         return given, lambda x: x
-    kind = given[0] if len(given) else types.float64
+    first = given[0] if len(given) else types.float64
+    kind = next((each for each in given if isinstance(each, VectorType)), first)
     kind = types.float64 if isinstance(kind, types.Number) else kind
     return VectorType(len(given), kind), list
 

@@ -385,7 +385,10 @@ def packed(context: Any, builder: Any, to: Any, result: Any) -> Any:
     if result is None:
         return ir.Constant(context.get_value_type(to), None)
     if isinstance(result, Emitted):
-        return context.cast(builder, result.value, result.kind, to)
+        if isinstance(to, VectorType) and isinstance(result.kind, types.Number):
+            result = [result] * to.count  # a number counts for all elements
+        else:
+            return context.cast(builder, result.value, result.kind, to)
     kinds = to.types if isinstance(to, types.BaseTuple) else [to.element] * to.count
     parts = [packed(context, builder, *pair) for pair in zip(kinds, result, strict=True)]
     if isinstance(to, types.BaseTuple):
