@@ -11,6 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.connections import message_class, qos_of
@@ -18,7 +19,6 @@ from parallel_robot_model.processes.realtime import DeadlineThread
 
 PERIOD = 1_000_000  # ns
 JOINTS = ('joint1', 'joint2', 'joint3')
-BOTH, POSITION = ('position', 'velocity'), ('position',)
 STATUS = {
     'law': 's_fotsmc',
     'fault': 'none',
@@ -32,11 +32,8 @@ MESSAGES = {
     topics.COMMANDS: layouts.float64_multi_array(len(JOINTS)),
     topics.POSE: layouts.pose_stamped(topics.FRAME),
     topics.POSE_REFERENCE: layouts.pose_stamped(topics.FRAME),
-    topics.ERROR: layouts.joint_state(JOINTS, BOTH),
     topics.ANSWERED: layouts.int64_multi_array((3 + len(JOINTS)) * topics.SLOW),
-    topics.SYNCHRONISATION_ERROR: layouts.joint_state(JOINTS, BOTH),
-    topics.CROSS_COUPLING_ERROR: layouts.joint_state(JOINTS, POSITION),
-    topics.SLIDING_VARIABLE: layouts.joint_state(JOINTS, POSITION),
+    **telemetry_layouts(JOINTS),
     topics.STATUS: layouts.diagnostic_array(
         'controller: status', 0, 'ok', STATUS, frame=topics.FRAME
     ),

@@ -8,12 +8,12 @@ from parallel_robot_control.terms import (
     coupling,
     saturate,
     sig,
-    synchronisation_error,
     unless_any_saturated,
     unless_saturated,
     zero_integral,
 )
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.compiler import (
     clip,
     cross,

@@ -25,7 +25,6 @@ from parallel_robot_control.reference_buffer import (
     MISSING,
     RESTART,
     TOO_OLD,
-    moved_on,
     reference_at,
 )
 from parallel_robot_control.safety import faults, limiting
@@ -39,18 +38,18 @@ from parallel_robot_model.compiler import (
     kernel,
     read_row,
     select,
+    vector,
     write_row,
 )
 from parallel_robot_model.configuration.loop import OLDEST
 from parallel_robot_model.messages import layouts
-from parallel_robot_model.messages.topics import SLOW
+from parallel_robot_model.messages.topics import SLOW, Telemetry
 
 # What controller and kernels share, whatever the law: Python reads it between two calls.
 
 NEVER = -1  # a stamp that no message has
 FOREVER = 2**63 - 1  # ns
 AGES = 4096  # answers for which the age of the state is kept
-ERROR, ERROR_RATE, COUPLED, SLIDING = range(4)  # rows of the telemetry
 QUEUED = 1  # periods by which a state of a burst is older than others: a younger one is behind it
 AGEING = 250  # states after which the least age counts as a period larger
 
@@ -71,7 +70,7 @@ class Common(NamedTuple):
     references: Boxed  # see reference_buffer.Buffer
     timing: Timing
     measured: Array  # position, velocity and effort of the last state, shape (3, n)
-    telemetry: Array  # of the last answer, one row a vector, shape (4, n)
+    telemetry: Telemetry  # of the last answer
     command: NDArray[np.uint8]  # the command message of the last answer, serialised
     torques: Array  # the torques in it [N m], shape (n,)
     # stamps of state and reference of each answer, and when its torque acts, shape (AGES, 3)
@@ -105,7 +104,7 @@ def common_of(references: Boxed, timing: Timing, joints: int) -> Struct:
             references,
             timing,
             np.zeros((3, joints)),
-            np.zeros((4, joints)),
+            Telemetry(*[vector(np.zeros(joints))] * len(Telemetry._fields)),
             command.bytes,
             command.fields['data'],
             np.zeros((AGES, 3), np.int64),
@@ -164,8 +163,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         question.effort,
         When(sample, (question.acts - question.stamp) / NANOSECONDS, question.dt),
     )
-    write_row(common.telemetry, COUPLED, done.coupled_error)
-    write_row(common.telemetry, SLIDING, done.sliding_variable)
+    common.telemetry = done.telemetry
     write_row(common.torques, 0, done.torque)
     write_row(common.commanded, common.logged % AGES, done.torque)
     write_row(common.efforts, common.logged % AGES, question.effort)
@@ -205,7 +203,6 @@ def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: 
     """
     timing, state = common.timing, setup.memory.state
     row, tracks = setup.safety.torque_limit, setup.estimator.kind == KALMAN
-    delay = lock_in.delay_at(setup, state.known)
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
@@ -261,9 +258,6 @@ def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: 
         write_row(common.measured, 0, position)
         write_row(common.measured, 1, velocity)
         write_row(common.measured, 2, applied)
-        then = moved_on(reference, (stamp - acts) / NANOSECONDS - delay)
-        write_row(common.telemetry, ERROR, then.position - position)
-        write_row(common.telemetry, ERROR_RATE, then.velocity - velocity)
         overdue = acts - known > OVERDUE * NANOSECONDS
         joins = common.waits and not overdue
         if before != NEVER:

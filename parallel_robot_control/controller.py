@@ -30,7 +30,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.law_core import STATE_FIELDS, LawCore, LawCores
-from parallel_robot_control.messages import LOST, Status, Telemetry, wire_of
+from parallel_robot_control.messages import LOST, Status, wire_of
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
@@ -48,6 +48,7 @@ from parallel_robot_model.compiler import need_compiler
 from parallel_robot_model.configuration.hazards import HazardTimes, parse
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.messages import cdr, layouts
+from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_model.robots.contract import Fault
 
 NEARLY = NANOSECONDS // 10  # ns, by which the states of a run may begin late and end early
@@ -199,7 +200,7 @@ class Controller:
     @property
     def telemetry(self) -> Telemetry:
         """Telemetry of the last answer, one row."""
-        return Telemetry(*self._common.telemetry[:, np.newaxis].copy())
+        return Telemetry(*np.array(self._common.telemetry)[:, np.newaxis])
 
     def begin(self, stamp: int) -> None:
         """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""

@@ -50,6 +50,7 @@ from parallel_robot_model.compiler import (
     select,
     vector,
 )
+from parallel_robot_model.messages.topics import Telemetry
 
 
 class CycleState(NamedTuple):
@@ -131,8 +132,7 @@ class Cycle(NamedTuple):
     """Result of one control cycle."""
 
     torque: Array  # commanded torque [N m], shape (n,)
-    sliding_variable: Array  # sliding variable in the law's unit, shape (n,); zero in a fault
-    coupled_error: Array  # e_c [rad], shape (n,); e in a fault
+    telemetry: Telemetry  # what is told of it
     acted: int  # bits of the limits that acted
     cause: int  # fault whose cause is there now, else NONE; the latched one is in the state
 
@@ -203,12 +203,14 @@ def run_cycle(
         when: Age of the state, time since the one before.
     """
     safety, estimator, memory, dt = setup.safety, setup.estimator, setup.memory, when.dt
-    position = position - estimator.zero_angle
+    seen, position = position, position - estimator.zero_angle
     state, identifies = memory.state, setup.identifies
     known = state.known
     if identifies:
         lock_in.begin(setup, when.sample, known, state.fault != faults.NONE)
     tracks, late = estimator.kind == KALMAN, when.age + lock_in.delay_at(setup, known)
+    then = moved_on(desired, -late)
+    seen_error, seen_rate = then.position - seen, then.velocity - velocity
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
     gap, begun = known and dt > safety.gap, state.begins
     told = arrival(setup, effort, when, known, known and not gap)
@@ -300,8 +302,7 @@ def run_cycle(
         lock_in.observe(setup, when.sample, sensed.model, error, done.torque, when.age, failed)
     return Cycle(
         done.torque,
-        done.sliding_variable,
-        done.coupled_error,
+        Telemetry(seen_error, seen_rate, done.coupled_error, done.sliding_variable),
         acted + select(told.spell >= TOLD, EFFORT, 0),
         sensed.cause,
     )

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.safety import limiting
-from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import Boxed, inner
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.cdr import ENCAPSULATION, SPARE
+from parallel_robot_model.messages.topics import TELEMETRY, Telemetry, Topic
 from parallel_robot_model.robots.contract import Fault
 
 OK, WARN, ERROR = 0, 1, 2  # levels of diagnostic_msgs/DiagnosticStatus
@@ -25,15 +25,6 @@ POSE = 'pose'  # only of a robot that has lost it, and that was told it
 LOST = 'not known'
 REFUSED = 'not cleared'  # why, where ~/clear_fault was refused
 NO_FAULT = 'none'  # the code
-
-
-class Telemetry(NamedTuple):
-    """What the controller publishes besides its commands, each shape (N, n)."""
-
-    error: np.ndarray  # e = reference - feedback [rad]
-    error_rate: np.ndarray  # its derivative [rad/s]
-    coupled_error: np.ndarray  # e_c of the law [rad]
-    sliding_variable: np.ndarray  # sliding variable in the law's unit
 
 
 class Status(NamedTuple):
@@ -78,9 +69,12 @@ def reported_limits(
     return told
 
 
+FIELDS = ('position', 'velocity')  # of the messages that tell of a cycle
+
+
 def telemetry_messages(
     joints: tuple[str, ...], stamps: np.ndarray, telemetry: Telemetry
-) -> dict[topics.Topic, np.ndarray]:
+) -> dict[Topic, np.ndarray]:
     """sensor_msgs/JointState per topic: errors as positions, their rates as velocities."""
     fields, count = telemetry_fields(telemetry), len(telemetry.error)
     return {
@@ -89,27 +83,19 @@ def telemetry_messages(
     }
 
 
-def telemetry_layouts(joints: tuple[str, ...]) -> dict[topics.Topic, cdr.Layout]:
+def telemetry_layouts(joints: tuple[str, ...]) -> dict[Topic, cdr.Layout]:
     """Layouts of the telemetry by topic."""
-    both = layouts.joint_state(joints, ('position', 'velocity'))
-    single = layouts.joint_state(joints, ('position',))
     return {
-        topics.ERROR: both,
-        topics.SYNCHRONISATION_ERROR: both,
-        topics.CROSS_COUPLING_ERROR: single,
-        topics.SLIDING_VARIABLE: single,
+        topic: layouts.joint_state(joints, FIELDS[: len(told)])
+        for topic, told in TELEMETRY.items()
     }
 
 
-def telemetry_fields(telemetry: Telemetry) -> dict[topics.Topic, dict[str, np.ndarray]]:
+def telemetry_fields(telemetry: Telemetry) -> dict[Topic, dict[str, np.ndarray]]:
     """Fields of the telemetry by topic."""
-    e, e_dot = telemetry.error, telemetry.error_rate
-    e_s, e_s_dot = synchronisation_error(e), synchronisation_error(e_dot)
     return {
-        topics.ERROR: {'position': e, 'velocity': e_dot},
-        topics.SYNCHRONISATION_ERROR: {'position': e_s, 'velocity': e_s_dot},
-        topics.CROSS_COUPLING_ERROR: {'position': telemetry.coupled_error},
-        topics.SLIDING_VARIABLE: {'position': telemetry.sliding_variable},
+        topic: {name: find(telemetry) for name, find in zip(FIELDS, told, strict=False)}
+        for topic, told in TELEMETRY.items()
     }
 
 

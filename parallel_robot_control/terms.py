@@ -38,17 +38,9 @@ def unless_any_saturated(increment: Array, excess: Array) -> Array:
     return select(some(excess != 0.0), np.zeros_like(increment), increment)
 
 
-# Synchronisation errors of joints coupled in a ring, eqs. (8)-(9).
-
-
-def synchronisation_error(error: Array) -> Array:
-    """e_s,i = e_i - e_(i+1) around the ring, shape (..., n); its unit is that of `error`."""
-    return error - np.concatenate([error[..., 1:], error[..., :1]], axis=-1)  # np.roll is slow
-
-
 @kernel
 def coupling(error: Array) -> Array:
-    """De_i = e_s,i - e_s,(i-1) = 2 e_i - e_(i-1) - e_(i+1), shape (n,)."""
+    """De_i = e_s,i - e_s,(i-1) = 2 e_i - e_(i-1) - e_(i+1), shape (n,); see ring.py."""
     return 2.0 * error - np.roll(error, 1) - np.roll(error, -1)
 
 

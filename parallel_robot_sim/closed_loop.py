@@ -15,7 +15,15 @@ from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
+from parallel_robot_model.compiler import (
+    FirstClass,
+    is_finite,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
+from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_sim.configuration import Plant
 from parallel_robot_sim.course import Course, Heard, course_of
 from parallel_robot_sim.hazards import Waiting, not_waiting
@@ -33,9 +41,8 @@ class ClosedLoopRun(NamedTuple):
     passive_position: Array  # passive joints [rad], shape (N, p)
     passive_velocity: Array  # their rates [rad/s], shape (N, p)
     effort: Array  # torque applied during the step that ended at the state [N m]
-    command: Array  # torque computed from the state [N m]; NaN, as the next two, without an answer
-    sliding_variable: Array  # sliding variable in the law's unit
-    coupled_error: Array  # e_c of the law [rad]
+    command: Array  # torque computed from the state [N m]; NaN, as the next, without an answer
+    telemetry: Array  # what is told of the cycle, see `told`, shape (N, T, n)
     fault: NDArray[np.int64]  # fault of the controller at the state, see faults.py, shape (N,)
     acted: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
@@ -44,7 +51,13 @@ class ClosedLoopRun(NamedTuple):
     sent: Array  # the last command [N m], shape (n,)
     cause: int  # fault whose cause was there at the last state, see Cycle
 
+    @property
+    def told(self) -> Telemetry:
+        """What is told of the cycles, each shape (N, n)."""
+        return Telemetry(*np.moveaxis(self.telemetry, 1, 0))
 
+
+TOLD = len(Telemetry._fields)
 COLUMNS = ClosedLoopRun._fields[: ClosedLoopRun._fields.index('steps')]
 
 
@@ -186,12 +199,10 @@ def compiled_loop(
     velocity = np.empty((more, len(row)))
     passive_position = np.empty((more, len(first.passive_position)))
     passive_velocity = np.empty((more, len(first.passive_velocity)))
-    command = np.empty((more, len(row)))
-    sliding_variable = np.empty((more, len(row)))
-    coupled_error = np.empty((more, len(row)))
+    command = np.full((more, len(row)), np.nan)
+    telemetry = np.full((more, TOLD, len(row)), np.nan)
     fault = np.empty(count, np.int64)
-    acted = np.empty(count, np.int64)
-    nothing = np.zeros_like(row) + np.nan
+    acted = np.zeros(count, np.int64)
     steps = count
     for k in range(count):
         place = begun + k
@@ -227,14 +238,7 @@ def compiled_loop(
             write_row(acted, k, cycle.acted)
             if complete:
                 write_row(command, k, torque)
-                write_row(sliding_variable, k, cycle.sliding_variable)
-                write_row(coupled_error, k, cycle.coupled_error)
-        else:
-            write_row(acted, k, 0)
-            if complete:
-                write_row(command, k, nothing)
-                write_row(sliding_variable, k, nothing)
-                write_row(coupled_error, k, nothing)
+                write_row(telemetry, k, vector(cycle.telemetry))
         write_row(fault, k, control.memory.state.fault)
         # 4. It acts until the next state.
         asked, waiting = demanded(plant, state, waiting, torque, answered, sample)
@@ -248,8 +252,7 @@ def compiled_loop(
         passive_velocity,
         efforts,
         command,
-        sliding_variable,
-        coupled_error,
+        telemetry,
         fault,
         acted,
         steps,

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.terms import synchronisation_error
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
 

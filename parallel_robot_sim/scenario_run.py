@@ -257,7 +257,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         _stamps(made),
         measured.acceleration,
         record.command,
-        record.sliding_variable,
+        np.ascontiguousarray(record.told.sliding_variable),
         made.experiment.trajectory.robot.place,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(acted) if acted else '',

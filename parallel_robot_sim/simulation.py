@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.assembly import inertia_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.estimator import MEASURED, kind_for
-from parallel_robot_control.estimation.lock_in import phases, result
+from parallel_robot_control.estimation.lock_in import phases
 from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import checks, faults
 from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
@@ -117,19 +117,6 @@ class Simulation(NamedTuple):
         """What the identification of the delay is doing after each row, shape (N,)."""
         samples = self.first + np.arange(len(self.run.fault))
         return phases(self.experiment.control.setup, samples, self.first_fault)
-
-    @property
-    def delay(self) -> NDArray[np.float64]:
-        """Age of the states that their stamps do not tell, as the controller knew, shape (N, 1).
-
-        [s]
-        """
-        setup = self.experiment.control.setup
-        outcome = result(setup)
-        delay = np.full((len(self.run.fault), 1), setup.estimator.delay)
-        if outcome.end:
-            delay[max(outcome.end - self.first, 0) :] = outcome.delay
-        return delay
 
     @property
     def summary(self) -> RunSummary:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from vectors import on_vectors
 
 from parallel_robot_control import terms
-from parallel_robot_control.terms import synchronisation_error
+from parallel_robot_model.common.ring import synchronisation_error
 
 coupling, sig = on_vectors(terms.coupling), on_vectors(terms.sig)
 ANY = st.integers(2, 8).flatmap(lambda n: rows(10.0, n))

@@ -117,7 +117,7 @@ def test_in_doubt_the_action_is_safe_and_the_law_remembers_nothing(
     assert control.setup.memory.state.fault == fault and FAULTS[fault].text
     damped = np.where(np.isfinite(spoilt.velocity), -40.0 * spoilt.velocity, 0.0)
     assert np.array_equal(cycle.torque, np.clip(damped, -200.0, 200.0))
-    assert not cycle.sliding_variable.any()
+    assert not cycle.telemetry.sliding_variable.any()
     for after, before in zip(control.law.memory.current, memory, strict=True):
         assert np.array_equal(after, before)
 

@@ -10,15 +10,13 @@ from foreign_laws import made
 
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
+from parallel_robot_model.messages.topics import TELEMETRY
 
 pytest_plugins = ['ros_fixtures']
 
 COMMAND_LINE = 'parallel_robot.cli.command_line'
 FULL = ('joint_states', 'reference', 'effort_controller/commands')
-SLOW = (
-    'pose', 'pose_reference', 'controller/error', 'controller/synchronisation_error',
-    'controller/cross_coupling_error', 'controller/sliding_variable', 'controller/answered',
-)  # fmt: skip
+SLOW = ('pose', 'pose_reference', 'controller/answered', *(each.name for each in TELEMETRY))
 LATCHED = ('controller/active_law', 'controller/status')
 
 

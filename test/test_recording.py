@@ -24,7 +24,7 @@ def bag(tmp_path_factory):
 @pytest.mark.parametrize(
     'reader',
     [
-        lambda bag: recording.read(bag, topics.TELEMETRY),
+        lambda bag: recording.read(bag, (*topics.TELEMETRY,)),
         lambda bag: read_runs([bag]),
         table_of,
         notebook.load,

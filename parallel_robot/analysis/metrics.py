@@ -10,8 +10,8 @@ import numpy as np
 
 from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog, head, with_reference
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.robots.contract import angles_between
 from parallel_robot_model.robots.registry import is_known, robot_of

@@ -29,7 +29,7 @@ from parallel_robot.analysis.metrics import (
     smooth_over,
 )
 from parallel_robot.bags.run.run_log import ReferenceMoves
-from parallel_robot_control.terms import synchronisation_error
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, Array
 from parallel_robot_sim.motions import Motion, Motions, Poses
 

@@ -9,7 +9,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances, rotation_errors
-from parallel_robot_control.terms import synchronisation_error
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_sim.motions import Motion, Poses
 
 # Fewer points of a curve, with all its spikes.

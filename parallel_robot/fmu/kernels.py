@@ -108,8 +108,8 @@ def answer_state(instance: LawInstance) -> int:
         When(sample, read_at(values, first + AGE, 0.0), dt),
     )
     write_at(values, TORQUE, cycle.torque)
-    write_at(values, SLIDING_VARIABLE, cycle.sliding_variable)
-    write_at(values, COUPLED_ERROR, cycle.coupled_error)
+    write_at(values, SLIDING_VARIABLE, cycle.telemetry.sliding_variable)
+    write_at(values, COUPLED_ERROR, cycle.telemetry.coupled_error)
     write_at(values, first + SAMPLE, float(sample + 1))
     write_at(values, first + WAITS, select(overdue, 1.0, 0.0))
     write_at(values, first + FAULT, float(state.fault))

@@ -8,10 +8,13 @@ from __future__ import annotations
 import argparse
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import NamedTuple
 
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.ring import synchronisation_error
+from parallel_robot_model.common.units import Array
 
 DEPTH = 10_000  # samples that publishers keep for subscribers that must not lose any: ten seconds
 QUEUE = 1000  # length of the queue of a node of the suite, in samples
@@ -34,13 +37,6 @@ REFERENCE = Topic('reference', 'trajectory_msgs/msg/JointTrajectory')
 COMMANDS = Topic('effort_controller/commands', 'std_msgs/msg/Float64MultiArray')
 POSE = Topic('pose', 'geometry_msgs/msg/PoseStamped', SLOW)
 POSE_REFERENCE = Topic('pose_reference', 'geometry_msgs/msg/PoseStamped', SLOW)
-ERROR = Topic('controller/error', 'sensor_msgs/msg/JointState', SLOW)
-SYNCHRONISATION_ERROR = Topic(
-    'controller/synchronisation_error', 'sensor_msgs/msg/JointState', SLOW
-)
-CROSS_COUPLING_ERROR = Topic('controller/cross_coupling_error', 'sensor_msgs/msg/JointState', SLOW)
-SLIDING_VARIABLE = Topic('controller/sliding_variable', 'sensor_msgs/msg/JointState', SLOW)
-TELEMETRY = (ERROR, SYNCHRONISATION_ERROR, CROSS_COUPLING_ERROR, SLIDING_VARIABLE)
 ANSWERED = Topic('controller/answered', 'std_msgs/msg/Int64MultiArray', SLOW)
 ACTIVE_LAW = Topic('controller/active_law', 'std_msgs/msg/String', 0, latched=True)
 STATUS = Topic('controller/status', 'diagnostic_msgs/msg/DiagnosticArray', 0, latched=True)
@@ -50,16 +46,45 @@ ROBOT_DESCRIPTION = Topic('robot_description', 'std_msgs/msg/String', 0, latched
 FRAMES = Topic('tf', 'tf2_msgs/msg/TFMessage', MARKERS_EVERY)  # in bags alone
 CLOCK = Topic('clock', 'rosgraph_msgs/msg/Clock')
 
+# What a controller tells of its cycles: a vector is a field here, computed in `run_cycle`, and a
+# topic a row of TELEMETRY.
+
+
+class Telemetry(NamedTuple):
+    """What a cycle tells besides its torque, each shape (n,); of many cycles, shape (N, n)."""
+
+    error: Array  # e = reference - feedback, when the state was measured [rad]
+    error_rate: Array  # its derivative [rad/s]
+    coupled_error: Array  # e_c of the law [rad]; e in a fault
+    sliding_variable: Array  # in the law's unit; zero in a fault
+
+
+def _of_joints(name: str) -> Topic:
+    return Topic(f'controller/{name}', 'sensor_msgs/msg/JointState', SLOW)
+
+
+ERROR = _of_joints('error')
+SYNCHRONISATION_ERROR = _of_joints('synchronisation_error')
+CROSS_COUPLING_ERROR = _of_joints('cross_coupling_error')
+SLIDING_VARIABLE = _of_joints('sliding_variable')
+# position and, of some, velocity of the joints in the messages of each topic
+TELEMETRY: dict[Topic, tuple[Callable[[Telemetry], Array], ...]] = {
+    ERROR: (attrgetter('error'), attrgetter('error_rate')),
+    SYNCHRONISATION_ERROR: (
+        lambda told: synchronisation_error(told.error),
+        lambda told: synchronisation_error(told.error_rate),
+    ),
+    CROSS_COUPLING_ERROR: (attrgetter('coupled_error'),),
+    SLIDING_VARIABLE: (attrgetter('sliding_variable'),),
+}
+
 RECORDED = (
     JOINT_STATES,
     REFERENCE,
     COMMANDS,
     POSE,
     POSE_REFERENCE,
-    ERROR,
-    SYNCHRONISATION_ERROR,
-    CROSS_COUPLING_ERROR,
-    SLIDING_VARIABLE,
+    *TELEMETRY,
     ANSWERED,
     ACTIVE_LAW,
     STATUS,

@@ -11,7 +11,7 @@ from parallel_robot.analysis.metrics import distances, rotation_errors
 from parallel_robot.analysis.report.looks import VIEWS, joint_label, joint_style, logarithmic
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.thinned import FIRST, Series, extremes
-from parallel_robot_control.terms import synchronisation_error
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import all_of
 
 TIME = 't [s]'

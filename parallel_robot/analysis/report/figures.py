@@ -26,8 +26,8 @@ from parallel_robot.analysis.report.looks import (
 from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_control.terms import synchronisation_error
 from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.motions import Motion, Poses

@@ -29,14 +29,10 @@ from parallel_robot_model.messages.topics import (
     ACTIVE_LAW,
     ANSWERED,
     COMMANDS,
-    CROSS_COUPLING_ERROR,
-    ERROR,
     JOINT_STATES,
     POSE,
     RECORDED,
-    SLIDING_VARIABLE,
     STATUS,
-    SYNCHRONISATION_ERROR,
     TELEMETRY,
     UNSTAMPED,
     Topic,
@@ -45,13 +41,8 @@ from parallel_robot_sim.imperfections import reported_age
 
 # The messages of one recorded topic: how many came, which are missing, how they are stamped.
 
-MEASURED = (  # stamped when the state was measured, which may be before it was sent
-    JOINT_STATES,
-    ERROR,
-    SYNCHRONISATION_ERROR,
-    CROSS_COUPLING_ERROR,
-    SLIDING_VARIABLE,
-)
+# stamped when the state was measured, which may be before it was sent
+MEASURED = (JOINT_STATES, *TELEMETRY)
 
 
 class TopicStream:

@@ -15,17 +15,14 @@ from parallel_robot.bags.files.bag_files import Certificate
 from parallel_robot.bags.messages.message_rows import Rows
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.writing.bag_writer import BagWriter
-from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.messages import (
     Status,
-    Telemetry,
     answers_message,
     reported_limits,
     status_message,
     telemetry_messages,
 )
-from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
@@ -148,7 +145,7 @@ class _Streams:
             ),
             topics.COMMANDS: (samples[heard.answered], _bytes_of(commands)[heard.answered]),
         }
-        telemetry = _telemetry(part, course, due)
+        telemetry = topics.Telemetry(*(each[due] for each in run.told))
         for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
             records[topic] = due, _bytes_of(messages)
         if robot.place:
@@ -222,23 +219,6 @@ class _Streams:
         ]
         self._answers = waiting[ends[-1] if ends else 0 :]
         return Rows(topics.ANSWERED.name, RANKS * places + 1, stamps[places], messages)
-
-
-def _telemetry(part: Simulation, course: Course, due: np.ndarray) -> Telemetry:
-    """What the controller tells of its cycle at some samples."""
-    run, desired, late = part.run, course.reference, course.heard.late[due]
-    rows = (
-        each[due - late] for each in (desired.position, desired.velocity, desired.acceleration)
-    )
-    then = moved_on.py_func(  # type: ignore[attr-defined]
-        JointReference(*rows), -(part.age + part.delay[due])
-    )
-    return Telemetry(
-        then.position - run.position[due],
-        then.velocity - run.velocity[due],
-        run.coupled_error[due],
-        run.sliding_variable[due],
-    )
 
 
 def _bytes_of(messages: np.ndarray) -> np.ndarray:
