@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import before_cycle
 from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.estimator import KALMAN
@@ -148,141 +147,113 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     Returns:
         ANSWERED and further bits, or the reason why there is no answer.
     """
-    common = core.common
-    state = core.setup.memory.state
-    acted, fault, lost = common.acted, state.fault, state.lost
-    question = _open(core.setup, common, wire, data, now, monotonic)
-    if question.code != ANSWERED:
-        return question.code
-    sample = question.acts // common.timing.period
-    done = core.cycle(
-        core.setup,
-        question.reference,
-        question.position,
-        question.velocity,
-        question.effort,
-        When(sample, (question.acts - question.stamp) / NANOSECONDS, question.dt),
-    )
-    common.telemetry = done.telemetry
-    write_row(common.torques, 0, done.torque)
-    write_row(common.commanded, common.logged % AGES, done.torque)
-    write_row(common.efforts, common.logged % AGES, question.effort)
-    phase = lock_in.phase(core.setup, sample)
-    code = _close(common, question, done.acted, done.cause, phase, now, monotonic)
-    if common.acted != acted or state.fault != fault or state.lost != lost:
-        code |= STATUS
-    return code
-
-
-class Question(NamedTuple):
-    """A state with everything that is needed to answer it; stamps in [ns]."""
-
-    code: int  # ANSWERED if the state can be answered, else the reason why not
-    stamp: int  # of the state
-    acts: int  # of the sample from which on the torque acts, as far as it counts
-    acting: int  # the same, whether it counts or not
-    known: int  # of the reference used
-    before: int  # of the state answered before; NEVER if there is none
-    stale: bool  # whether the reference is too old
-    reference: JointReference  # desired joint motion when the torque acts
-    position: Array  # measured angles [rad], shape (n,)
-    velocity: Array  # measured rates [rad/s], shape (n,)
-    effort: Array  # torque applied before the state [N m], shape (n,); NaN where it is not known
-    dt: float  # time since the previous state [s]
-
-
-@inner
-def _open(setup: Any, common: Any, wire: Any, data: bytes, now: int, monotonic: int) -> Question:
-    """Read a state, check whether it can be answered, and find its reference.
-
-    If it can, the state of the controller is made what the cycle begins with.
-
-    In lockstep the first state tells the age of all: its torque acts from the start on. In wall
-    time a torque acts at the end of the period in which it is asked for; this counts only with an
-    estimator that predicts.
-    """
-    timing, state = common.timing, setup.memory.state
-    row, tracks = setup.safety.torque_limit, setup.estimator.kind == KALMAN
+    common, setup = core.common, core.setup
+    timing, state, before = common.timing, setup.memory.state, common.last
+    row, told = setup.safety.torque_limit, (common.acted, state.fault, state.lost)
     stamp = open_message(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
-    applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
-    before = common.last
-    code, lookup, known, dt = ANSWERED, MISSING, 0, timing.period / NANOSECONDS
-    reference = JointReference(position, velocity, velocity)
-    acting = stamp  # when its torque acts
+    # 1. When its torque acts. In lockstep the first state tells the age of all: its torque acts
+    # from the start on. In wall time a torque acts at the end of the period in which it is asked
+    # for; this counts only with an estimator that predicts.
+    acting = stamp
     if timing.lockstep:
         if before == NEVER:
-            common.age = 0
-            if 0 < common.start - stamp <= OLDEST:
-                common.age = common.start - stamp
+            since = common.start - stamp
+            common.age = since if 0 < since <= OLDEST else 0
         acting += common.age
     elif now > stamp:
         acting += (now - stamp) // timing.period * timing.period
-    acts = acting if timing.lockstep or tracks else stamp
-    if stamp == NOT_UNDERSTOOD or not (is_finite(position) and is_finite(velocity)):
-        code = UNKNOWN
-    elif acting < common.first:
-        code = EARLY
-    elif not timing.lockstep and common.heard and monotonic - common.heard > timing.state_timeout:
-        code = STALE
-    elif not timing.lockstep and now > stamp + timing.state_age:
-        code = OLD
-    elif not timing.lockstep and now != 0 and now < stamp - timing.state_age:
-        code = AHEAD
-    elif not timing.lockstep and now != 0 and _is_queued(common, now, stamp):
-        code = OVERTAKEN
-    elif before != NEVER and (
-        stamp <= before or (stamp - before >= RESTART and not timing.lockstep)
-    ):
-        code = OUT_OF_ORDER
-    else:
-        lookup, known, reference = reference_at(
-            common.references,
-            acts,
-            common.until,
-            timing.reference_timeout,
-            timing.lockstep,
-            row,
-        )
-        if lookup == MISSING:
-            code = NO_REFERENCE
-    if code == ANSWERED:
-        torque, cause = state.torque, faults.NONE
-        gap = timing.lockstep and before != NEVER and stamp - before > timing.state_timeout
-        if gap:
-            torque, cause = np.zeros_like(row), faults.STATES_STALE
-        elif lookup == TOO_OLD:
-            cause = faults.REFERENCE_STALE
-        write_row(common.measured, 0, position)
-        write_row(common.measured, 1, velocity)
-        write_row(common.measured, 2, applied)
-        overdue = acts - known > OVERDUE * NANOSECONDS
-        joins = common.waits and not overdue
-        if before != NEVER:
-            dt = (stamp - before) / NANOSECONDS
-        elif not stamp <= common.start <= acting:  # continue from the torque that acts
-            torque, joins = applied, True
-        common.waits = overdue
-        common.last = stamp
-        before_cycle(state, torque, cause, joins)
+    acts = acting if timing.lockstep or setup.estimator.kind == KALMAN else stamp
+    # 2. Whether it can be answered, and its reference.
+    code = UNKNOWN
+    if is_finite(position) and is_finite(velocity):
+        code = _refusal(common, stamp, acting, now, monotonic)
     common.came = now
-    stale = lookup == TOO_OLD
-    return Question(
-        code,
-        stamp,
-        acts,
-        acting,
-        known,
-        before,
-        stale,
-        reference,
-        position,
-        velocity,
-        effort,
-        dt,
+    if code != ANSWERED:
+        return code
+    lookup, known, reference = reference_at(
+        common.references, acts, common.until, timing.reference_timeout, timing.lockstep, row
     )
+    if lookup == MISSING:
+        return NO_REFERENCE
+    # 3. What the cycle begins with.
+    applied = select(effort - effort == 0.0, effort, 0.0)  # zero where it is not known
+    torque, cause, dt = state.torque, faults.NONE, timing.period / NANOSECONDS
+    if timing.lockstep and before != NEVER and stamp - before > timing.state_timeout:
+        torque, cause = np.zeros_like(row), faults.STATES_STALE
+    elif lookup == TOO_OLD:
+        cause = faults.REFERENCE_STALE
+    overdue = acts - known > OVERDUE * NANOSECONDS
+    joins = common.waits and not overdue
+    if before != NEVER:
+        dt = (stamp - before) / NANOSECONDS
+    elif not stamp <= common.start <= acting:  # continue from the torque that acts
+        torque, joins = applied, True
+    common.waits, common.last = overdue, stamp
+    before_cycle(state, torque, cause, joins)
+    # 4. The cycle, and what is noted of it.
+    sample, at = acts // timing.period, common.logged % AGES
+    when = When(sample, (acts - stamp) / NANOSECONDS, dt)
+    done = core.cycle(setup, reference, position, velocity, effort, when)
+    write_row(common.measured, 0, position)
+    write_row(common.measured, 1, velocity)
+    write_row(common.measured, 2, applied)
+    common.telemetry = done.telemetry
+    write_row(common.torques, 0, done.torque)
+    write_row(common.commanded, at, done.torque)
+    write_row(common.efforts, at, effort)
+    common.log[at, 0], common.log[at, 1], common.log[at, 2] = stamp, known, acts
+    common.logged += 1
+    acted = done.acted + select(overdue, limiting.REFERENCE, 0)
+    if acted:
+        common.acted |= acted
+        common.acted_at = stamp
+    elif common.acted and stamp - common.acted_at >= QUIET * NANOSECONDS:
+        common.acted = 0  # what acts next is told
+    common.cause = done.cause
+    if lookup == TOO_OLD and done.cause == faults.NONE:
+        common.cause = faults.REFERENCE_STALE
+    age = max(0, now - stamp)
+    common.ages[common.answers % AGES] = age
+    if now != 0:
+        common.youngest = min(age, common.youngest + timing.period // AGEING)
+    common.answers += 1
+    ended = common.end != NEVER and acting >= common.end
+    common.heard = 0 if ended else monotonic
+    # 5. What is due to be told.
+    sample_before, phase = (before + common.age) // timing.period, lock_in.phase(setup, sample)
+    common.age = acts - stamp
+    if sample % SLOW == 0 or (before != NEVER and sample // SLOW != sample_before // SLOW):
+        code |= TELEMETRY | LOG
+    if ended or common.logged == AGES:
+        code |= LOG
+    if common.phase != phase or told != (common.acted, state.fault, state.lost):
+        code |= STATUS
+    common.phase = phase
+    return code
+
+
+@inner
+def _refusal(common: Any, stamp: int, acting: int, now: int, monotonic: int) -> int:
+    """Why a state cannot be answered whatever its reference; ANSWERED if it can."""
+    timing, before = common.timing, common.last
+    if stamp == NOT_UNDERSTOOD:
+        return UNKNOWN
+    if acting < common.first:
+        return EARLY
+    if not timing.lockstep:
+        if common.heard and monotonic - common.heard > timing.state_timeout:
+            return STALE
+        if now > stamp + timing.state_age:
+            return OLD
+        if now != 0 and now < stamp - timing.state_age:
+            return AHEAD
+        if now != 0 and _is_queued(common, now, stamp):
+            return OVERTAKEN
+    back = stamp <= before or (stamp - before >= RESTART and not timing.lockstep)
+    return OUT_OF_ORDER if before != NEVER and back else ANSWERED
 
 
 @inner
@@ -295,47 +266,6 @@ def _is_queued(common: Any, now: int, stamp: int) -> bool:
     period = common.timing.period
     at_once = now - common.came < period // 2
     return bool(at_once and now - stamp > common.youngest + QUEUED * period)
-
-
-@inner
-def _close(
-    common: Any, question: Question, acted: int, cause: int, phase: int, now: int, monotonic: int
-) -> int:
-    """Note what a cycle did and when, and return the bits of the answer."""
-    period = common.timing.period
-    stamp, before = question.stamp, question.before
-    acts = acted + select(common.waits, limiting.REFERENCE, 0)
-    if acts:
-        common.acted |= acts
-        common.acted_at = stamp
-    elif common.acted and stamp - common.acted_at >= QUIET * NANOSECONDS:
-        common.acted = 0  # what acts next is told
-    common.cause = cause
-    if question.stale and cause == faults.NONE:
-        common.cause = faults.REFERENCE_STALE
-    common.log[common.logged % AGES, 0] = stamp
-    common.log[common.logged % AGES, 1] = question.known
-    common.log[common.logged % AGES, 2] = question.acts
-    common.logged += 1
-    age = max(0, now - stamp)
-    common.ages[common.answers % AGES] = age
-    if now != 0:
-        common.youngest = min(age, common.youngest + period // AGEING)
-    common.answers += 1
-    ended = common.end != NEVER and question.acting >= common.end
-    common.heard = 0 if ended else monotonic
-    index = question.acts // period
-    index_before = (before + common.age) // period
-    common.age = question.acts - stamp
-    code = ANSWERED
-    if index % SLOW == 0 or (before != NEVER and index // SLOW != index_before // SLOW):
-        code |= TELEMETRY | LOG
-    if ended or common.logged == AGES:
-        code |= LOG
-    if common.phase != phase:
-        code |= STATUS
-    common.phase = phase
-    return code
 
 
 # Which states were answered, from which references, and how old they were then.
