@@ -27,7 +27,7 @@ class Control(NamedTuple):
 
     law: PreparedLaw
     setup: Boxed  # ControlSetup: law, robot and parameters of the control cycle
-    state: CycleState  # state before the first cycle
+    state: CycleState  # of its memory
 
 
 def assemble(
@@ -45,6 +45,7 @@ def assemble(
         InputError: the theory of the law forbids its gains, or a custom law does not compile or
             does not pass its trial.
     """
+    memory = memory or memory_of(configuration)
     name, period = law or configuration.loop.law, configuration.loop.period
     module, robot = configuration.laws[name], configuration.robot
     prepared = prepare(name, module, configuration.gains[name], configuration.joints)
@@ -80,16 +81,9 @@ def assemble(
         Boxed(as_constants(identification)),
         Boxed(as_constants(configuration.approach)),
         Boxed(as_constants(configuration.repetition._replace(period=0.0))),
-        memory or memory_of(configuration),
+        memory,
     )
-    return Control(prepared, Boxed(setup), first_state(configuration))
-
-
-def first_state(configuration: ControlConfiguration) -> CycleState:
-    """State of a controller before its first cycle."""
-    fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
-    state = initial_state(np.array(configuration.guess), configuration.joints)
-    return state._replace(fault=fault)
+    return Control(prepared, Boxed(setup), memory.state.value)
 
 
 def memory_of(configuration: ControlConfiguration) -> Struct:
@@ -97,7 +91,9 @@ def memory_of(configuration: ControlConfiguration) -> Struct:
     joints, turn = configuration.joints, configuration.turn
     period, parameters = configuration.loop.period, configuration.repetition
     of_turns = repetition_memory(parameters, joints, turn, period)
-    return cycle_memory(first_state(configuration), of_turns)
+    fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE
+    state = initial_state(np.array(configuration.guess), joints)._replace(fault=fault)
+    return cycle_memory(state, of_turns)
 
 
 def inertia_of(configuration: ControlConfiguration) -> Array:

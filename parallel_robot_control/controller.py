@@ -130,8 +130,6 @@ class Controller:
             self.begin(loop.start_stamp)
         elif loop.lockstep:
             self.begin(loop.step_start)
-        if configuration.stopped:
-            self.trip(faults.EMERGENCY_STOP)
 
     @property
     def law(self) -> PreparedLaw:
@@ -141,7 +139,7 @@ class Controller:
     @property
     def limits(self) -> SafetyParameters:
         """Limits that the kernels apply, see :func:`limiting.as_limits`."""
-        limits: SafetyParameters = self._core.setup.safety.value
+        limits: SafetyParameters = self._core.compiled.setup.safety.value
         return limits
 
     @property
@@ -152,7 +150,7 @@ class Controller:
     @property
     def status(self) -> Status:
         """What the controller is doing."""
-        delay = delay_text(self._core.setup, self._common.phase, self._units)
+        delay = delay_text(self._core.compiled.setup, self._common.phase, self._units)
         fault = self._faults.get(self.fault)
         pose = LOST if self._state.lost else self._told
         return Status(self.law.name, fault, self._common.acted, delay, pose)
@@ -445,7 +443,7 @@ class Controller:
             if self.code < 0:
                 return self.code
         monotonic = time.monotonic_ns()
-        code = self._core.answer(states, data, now, monotonic)
+        code = self._cores.answer(self._core.compiled, states, data, now, monotonic)
         if code > 0:
             self.command = self._common.command.tobytes()
             self._pending, self._lost, self._answered_at = None, False, monotonic

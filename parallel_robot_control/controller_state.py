@@ -10,34 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot_control.approach import BACK
-from parallel_robot_control.cycle import initial_state
+from parallel_robot_control import cycle
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.units import Array
 
-
-def join(state: Any, torque: Array) -> None:
-    """Let the law begin anew: torque as of :func:`take_over`, an approach from where it is."""
-    take_over(state, torque)
-    state.begins = BACK
-
-
-def take_over(state: Any, torque: Array) -> None:
-    """Let the next torque continue from `torque` [N m], shape (n,); from 0 if not finite."""
-    state.torque = np.where(np.isfinite(torque), torque, 0.0)
-    state.excess, state.takes_over = 0.0 * np.asarray(state.torque), True
+join, trip = cycle.join.py_func, cycle.trip.py_func  # type: ignore[attr-defined]
 
 
 def rejoin(state: Any) -> None:
     """References are there again: an approach to them, torque from the last one."""
     join(state, state.torque)
-
-
-def trip(state: Any, fault: int) -> None:
-    """Enter a fault, unless the controller already is in one."""
-    if state.fault == faults.NONE:
-        state.fault, state.held = fault, state.position
 
 
 def drop_torque(state: Any) -> None:
@@ -78,7 +61,7 @@ def switch(state: Any, before: PreparedLaw, after: PreparedLaw) -> None:
     elif after.memory is not before.memory:
         after.memory.current = before.memory.current
     if state.known and not same(before, after):
-        take_over(state, state.torque)
+        state.excess, state.takes_over = np.zeros(len(state.held)), True
 
 
 def restart(state: Any, guess: Array) -> None:
@@ -86,5 +69,5 @@ def restart(state: Any, guess: Array) -> None:
 
     `guess`: its pose, shape (m,).
     """
-    begun = initial_state(guess, len(state.held))
+    begun = cycle.initial_state(guess, len(state.held))
     state.value = begun._replace(fault=state.fault, lost=state.lost)

@@ -152,10 +152,21 @@ def initial_state(pose: Array, joints: int) -> CycleState:
 
 
 @inner
-def take_over(state: Any, effort: Array) -> None:
-    """Let the next torque go on from what acts [N m], shape (n,)."""
-    state.torque = select(effort - effort == 0.0, effort, state.torque)
-    state.offset, state.takes_over = np.zeros_like(effort), True
+def join(state: Any, torque: Array) -> None:
+    """Let the law begin anew, with an approach from where the robot is.
+
+    Its torque goes on from the one that acts [N m], shape (n,); where that is not known, from the
+    last one.
+    """
+    state.torque = select(np.abs(torque) < np.inf, torque, state.torque)
+    state.excess, state.takes_over, state.begins = np.zeros_like(torque), True, BACK
+
+
+@inner
+def trip(state: Any, fault: int) -> None:
+    """Enter a fault, if there is one, unless the controller already is in one."""
+    if state.fault == faults.NONE and fault != faults.NONE:
+        state.fault, state.held = fault, state.position
 
 
 @inner
@@ -166,13 +177,12 @@ def before_cycle(state: Any, torque: Array, cause: int, joins: bool) -> None:
         state: The CycleState.
         torque: Torque that acts [N m], shape (n,).
         cause: STATES_STALE or REFERENCE_STALE if one of them stayed away for too long, else NONE.
-        joins: Whether the law begins anew, see controller_state.join.
+        joins: Whether the law begins anew.
     """
-    if state.fault == faults.NONE and cause != faults.NONE:
-        state.fault, state.held = cause, state.position
-    if joins:
-        state.excess, state.takes_over, state.begins = np.zeros_like(torque), True, BACK
+    trip(state, cause)
     state.torque = torque
+    if joins:
+        join(state, torque)
 
 
 @kernel
@@ -216,9 +226,8 @@ def run_cycle(
     told = arrival(setup, effort, when, known, known and not gap)
     excess, anew = state.excess + told.missing, False
     if (gap or told.back) and state.fault == faults.NONE:
-        take_over(state, effort)
-        begun, anew = BACK, True
-        excess = np.zeros_like(excess)
+        join(state, effort)
+        begun, anew, excess = BACK, True, state.excess
     if begun == BACK:
         memory.torques.tracked = False
     since = dt

@@ -6,11 +6,10 @@ memory of the law. All laws have one type, so its kernels are compiled once for 
 
 from __future__ import annotations
 
-import copy
 from typing import Any, NamedTuple
 
 from parallel_robot_control.answer_kernel import answer
-from parallel_robot_control.assembly import Control, assemble, memory_of
+from parallel_robot_control.assembly import assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import cycle_of
 from parallel_robot_control.prepared_law import PreparedLaw, renewed
@@ -25,52 +24,16 @@ class Core(NamedTuple):
     common: Struct  # see answer_kernel.Common
 
 
-class LawCore:
+class LawCore(NamedTuple):
     """The compiled core with one law; the cores of all laws share the rest."""
 
-    def __init__(
-        self, configuration: ControlConfiguration, control: Control, common: Struct, wire: Boxed
-    ) -> None:
-        """Make the core, and compile the kernels that use it, which are those of all laws.
-
-        Args:
-            configuration: Configuration of the controller.
-            control: Law, robot, limits.
-            common: See Common.
-            wire: Layout of the state messages, see Wire.
-        """
-        self.configuration = configuration  # with this law
-        self.law, self.setup, self._common = control.law, control.setup, common
-        self._cycle = cycle_of(control.setup)
-        self._core = Boxed(Core(self._cycle, control.setup, common))
-        self._answer = entry_point(answer, self._core, wire, b'', 0, 0)
-
-    def again(
-        self, configuration: ControlConfiguration, law: PreparedLaw, setup: Boxed
-    ) -> LawCore:
-        """Another core, with the same kernels."""
-        other = copy.copy(self)
-        other.configuration, other.law, other.setup = configuration, law, setup
-        core = Core(self._cycle, setup, self._common)
-        other._core = Boxed(core, self._core._numba_type_)
-        return other
-
-    def renewed(self, configuration: ControlConfiguration, law: PreparedLaw) -> LawCore:
-        """The core of the same law with other gains."""
-        setup = self.setup.value._replace(law=law.law)
-        return self.again(configuration, law, Boxed(setup, self.setup._numba_type_))
-
-    def answer(self, wire: Any, data: bytes, now: int, monotonic: int) -> int:
-        """See :func:`answer`."""
-        code: int = self._answer(self._core, wire, data, now, monotonic)
-        return code
-
-
-# The compiled cores of a controller's laws, made at its start.
+    configuration: ControlConfiguration  # with this law
+    law: PreparedLaw
+    compiled: Boxed  # Core
 
 
 class LawCores:
-    """Makes cores."""
+    """Makes the cores of a controller's laws, at its start and when they change."""
 
     def __init__(self, configuration: ControlConfiguration, common: Struct, wire: Boxed) -> None:
         """Compile all laws, so that they are ready for a switch.
@@ -83,12 +46,13 @@ class LawCores:
         Raises:
             InputError: a law cannot be used.
         """
-        self._common, self._wire = common, wire
+        self._common = common
+        self._kind: Any = None  # of the compiled cores
         self.memory = memory_of(configuration)
-        self._first: LawCore | None = None
         self._made: dict[str, LawCore] = {}  # the newest core of each law
         for law in configuration.laws:
-            self.make(configuration, law)
+            core = self.make(configuration, law)
+        self.answer = entry_point(answer, core.compiled, wire, b'', 0, 0)  # with any core
 
     def make(self, configuration: ControlConfiguration, law: str = '') -> LawCore:
         """A new core of a law.
@@ -107,13 +71,15 @@ class LawCores:
         made = self._made.get(name)
         known = made and renewed(made.law, configuration.laws[name], configuration.gains[name])
         if made and known:
-            core = made.renewed(configuration, known)
+            before = made.compiled.setup
+            setup = Boxed(before.value._replace(law=known.law), before._numba_type_)
         else:
-            control = assemble(configuration, name, self.memory)
-            if self._first is None:
-                self._first = LawCore(configuration, control, self._common, self._wire)
-            core = self._first.again(configuration, control.law, control.setup)
-        self._made[name] = core
+            known, setup, _ = assemble(configuration, name, self.memory)
+        if self._kind is None:
+            self._cycle = cycle_of(setup)  # the kernels are those of all laws
+        compiled = Boxed(Core(self._cycle, setup, self._common), self._kind)
+        self._kind = compiled._numba_type_
+        core = self._made[name] = LawCore(configuration, known, compiled)
         return core
 
 

@@ -50,8 +50,8 @@ def limit_torque(rig, limit):
     """Give the kernels another torque limit from now on."""
     core = rig.controller._core
     safety = Boxed(rig.controller.limits._replace(torque_limit=limit))
-    setup = Boxed(core.setup.value._replace(safety=safety))
-    rig.controller._core = core.again(core.configuration, core.law, setup)
+    setup = Boxed(core.compiled.setup.value._replace(safety=safety))
+    rig.controller._core = core._replace(compiled=Boxed(core.compiled.value._replace(setup=setup)))
 
 
 def weak_at_first(law, deaf):

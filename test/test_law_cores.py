@@ -89,7 +89,7 @@ def test_new_gains_act_as_those_of_the_start(gain):
     changed = torques(core)
     assert np.array_equal(changed, torques(controller(law='s_fotsmc', **{gain: value})))
     assert not np.array_equal(changed, torques(controller(law='s_fotsmc')))
-    assert usual.setup.safety.value is core.limits
+    assert usual.compiled.setup.safety.value is core.limits
 
 
 def test_a_law_that_is_made_again_begins_with_an_empty_memory():
