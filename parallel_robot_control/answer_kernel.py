@@ -197,9 +197,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     sample, at = acts // timing.period, common.logged % AGES
     when = When(sample, (acts - stamp) / NANOSECONDS, dt)
     done = core.cycle(setup, reference, position, velocity, effort, when)
-    write_row(common.measured, 0, position)
-    write_row(common.measured, 1, velocity)
-    write_row(common.measured, 2, applied)
+    write_row(common.measured, 0, vector((position, velocity, applied)))
     common.telemetry = done.telemetry
     write_row(common.torques, 0, done.torque)
     write_row(common.commanded, at, done.torque)

@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Struct, clip, inner, largest, select
+from parallel_robot_model.compiler import clip, inner, largest, select
 from parallel_robot_model.configuration.fields import Field
 
 
@@ -35,11 +35,6 @@ class ApproachMemory(NamedTuple):
     length: float  # T [s]
     braking: float  # B [s]
     at_once: float  # a
-
-
-def approach_memory(zero: Array) -> Struct:
-    """Before the first approach; `zero`: a vector, shape (n,)."""
-    return Struct(ApproachMemory(zero, zero, 0.0, 0.0, 0.0, 0.0))
 
 
 GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import cycle_of
+from parallel_robot_control.reference_buffer import reference_row
 from parallel_robot_control.safety.limiting import When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, write_row
@@ -67,11 +68,7 @@ def answers(
     count = len(states.dt)
     torque, row = np.empty((count, expected.shape[1])), control.memory.state.held
     for k in range(count):
-        reference = JointReference(
-            read_row(references.position, k, row),
-            read_row(references.velocity, k, row),
-            read_row(references.acceleration, k, row),
-        )
+        reference = reference_row(references, k, row)
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)
         when = When(states.sample[k], states.age[k], states.dt[k])
         effort = read_row(states.effort, k, row)

@@ -109,13 +109,9 @@ class Controller:
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         self._first: int | None = None  # stamp from which on the first torque of the run acted
-        hazards = parse(loop.hazards)
-        self._times = (
-            HazardTimes(hazards, loop.period, configuration.safety.state_age, loop.seed)
-            if hazards
-            else None
-        )
-        tolerance = np.broadcast_to(configuration.safety.effort_tolerance, len(joints)).tolist()
+        hazards, age = parse(loop.hazards), safety.state_age
+        self._times = HazardTimes(hazards, loop.period, age, loop.seed) if hazards else None
+        tolerance = np.broadcast_to(safety.effort_tolerance, len(joints)).tolist()
         self._efforts = ClampedEfforts(joints, tolerance, self._units)
         self._why = ''  # why the motors did not apply the torque, when that became a fault
         self._sample = -1  # of the last state that was heard, for hazards

@@ -11,7 +11,7 @@ from parallel_robot_control.approach import (
     BACK,
     GOES_ON,
     START,
-    approach_memory,
+    ApproachMemory,
     approached,
 )
 from parallel_robot_control.contract import Feedback, JointReference
@@ -30,11 +30,11 @@ from parallel_robot_control.reference_buffer import moved_on
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.checks import (
     TOLD,
+    ArrivalMemory,
+    MomentumMemory,
+    WaysMemory,
     arrival,
-    arrival_memory,
     inconsistent,
-    momentum_memory,
-    ways_memory,
 )
 from parallel_robot_control.safety.limiting import EFFORT, When
 from parallel_robot_control.sense_and_act import act, sense
@@ -49,6 +49,7 @@ from parallel_robot_model.compiler import (
     kernel,
     select,
     vector,
+    zeros_of,
 )
 from parallel_robot_model.messages.topics import Telemetry
 
@@ -89,19 +90,17 @@ class CycleMemory(NamedTuple):
 def cycle_memory(state: CycleState, repetition_memory: Struct) -> Struct:
     """Memory before the first state; `repetition_memory`: what is remembered of turns."""
     zero = vector(np.zeros(len(state.held)))
-    return Struct(
-        CycleMemory(
-            Struct(state),
-            recent_torques.recent_torques(zero),
-            kalman.kalman_memory(zero),
-            lock_in.lock_in_memory(zero),
-            approach_memory(zero),
-            ways_memory(zero),
-            arrival_memory(),
-            momentum_memory(zero),
-            repetition_memory,
-        )
+    parts = (
+        kalman.KalmanMemory,
+        lock_in.LockInMemory,
+        ApproachMemory,
+        WaysMemory,
+        ArrivalMemory,
+        MomentumMemory,
     )
+    begun = (Struct(zeros_of(each, zero)) for each in parts)
+    torques = recent_torques.recent_torques(zero)
+    return Struct(CycleMemory._make([Struct(state), torques, *begun, repetition_memory]))
 
 
 class ControlSetup(NamedTuple):
@@ -144,11 +143,8 @@ def initial_state(pose: Array, joints: int) -> CycleState:
         pose: Pose from which the forward kinematics starts, shape (m,).
         joints: Number of the actuated joints, n.
     """
-    zero, pose = vector(np.zeros(joints)), vector(pose)
-    estimated, none = Estimated(zero, zero), faults.NONE
-    return CycleState(
-        pose, zero, zero, zero, zero, False, False, zero, zero, none, estimated, START, False
-    )
+    state: CycleState = zeros_of(CycleState, vector(np.zeros(joints)))
+    return state._replace(pose=vector(pose), begins=START)
 
 
 @inner
@@ -255,9 +251,9 @@ def run_cycle(
     zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
     if setup.place != NO_PLACE and sensed.fault == faults.NONE:
         place = place_gradient(setup.locate, setup.robot, setup.place, position, sensed.pose)
-    feedback, wanted = Feedback(position, velocity, excess, zero, place, 0.0), reference
-    if estimator.kind == AGED:
-        feedback, wanted = Feedback(position, velocity, excess, zero, place, when.age), joined
+    aged = estimator.kind == AGED  # `wanted` is the reference of the moment that the law is told
+    wanted, age = select(aged, joined, reference), select(aged, when.age, 0.0)
+    feedback = Feedback(position, velocity, excess, zero, place, age)
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
         reference = moved_on(joined, estimator.command_delay + estimator.lag)

@@ -34,19 +34,20 @@ def moved_on(reference: JointReference, time: float) -> JointReference:
     )
 
 
-@kernel
-def extrapolate(age: int, position: Array, velocity: Array, acceleration: Array) -> JointReference:
-    """A reference some time after its own stamp, at constant acceleration.
+@inner
+def reference_row(rows: Any, index: int, like: Array) -> JointReference:
+    """A row of many references; `like` is any vector of shape (n,)."""
+    return JointReference(
+        read_row(rows.position, index, like),
+        read_row(rows.velocity, index, like),
+        read_row(rows.acceleration, index, like),
+    )
 
-    Args:
-        age: Time since its stamp [ns].
-        position: Desired angles at its stamp [rad], shape (n,), a vector as the others.
-        velocity: Their rates [rad/s], shape (n,).
-        acceleration: Their accelerations [rad/s^2], shape (n,).
-    """
-    if age == 0:
-        return JointReference(position, velocity, acceleration)
-    return moved_on(JointReference(position, velocity, acceleration), age / NANOSECONDS)
+
+@kernel
+def extrapolate(age: int, reference: JointReference) -> JointReference:
+    """A reference some time after its own stamp [ns], at constant acceleration."""
+    return reference if age == 0 else moved_on(reference, age / NANOSECONDS)
 
 
 def extrapolate_rows(
@@ -61,24 +62,19 @@ def extrapolate_rows(
         acceleration: Their accelerations [rad/s^2], shape (N, n).
     """
     row = vector(np.zeros(position.shape[1]))
-    p, v, a = map(np.ascontiguousarray, (position, velocity, acceleration))
-    return _extrapolate_rows(ages, p, v, a, row)
+    rows = JointReference(*map(np.ascontiguousarray, (position, velocity, acceleration)))
+    return _extrapolate_rows(ages, rows, row)
 
 
 @kernel
 def _extrapolate_rows(
-    ages: NDArray[np.int64], position: Array, velocity: Array, acceleration: Array, like: Array
+    ages: NDArray[np.int64], rows: JointReference, like: Array
 ) -> JointReference:
     """See :func:`extrapolate_rows`; `like` is a vector of shape (n,)."""
-    shape = position.shape
+    shape = rows.position.shape
     later = JointReference(np.empty(shape), np.empty(shape), np.empty(shape))
     for k in range(len(ages)):
-        row = extrapolate(
-            ages[k],
-            read_row(position, k, like),
-            read_row(velocity, k, like),
-            read_row(acceleration, k, like),
-        )
+        row = extrapolate(ages[k], reference_row(rows, k, like))
         write_row(later.position, k, row.position)
         write_row(later.velocity, k, row.velocity)
         write_row(later.acceleration, k, row.acceleration)
@@ -237,4 +233,4 @@ def reference_at(
     newest = read_row(rows, first, vector((row, row, row)))
     if age > timeout:  # at rest where it was
         return TOO_OLD, known, JointReference(newest[0], zero, zero)
-    return FOUND, known, extrapolate(age, newest[0], newest[1], newest[2])
+    return FOUND, known, extrapolate(age, JointReference(newest[0], newest[1], newest[2]))

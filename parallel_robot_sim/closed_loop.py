@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.assembly import Control
-from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import cycle_of
+from parallel_robot_control.reference_buffer import reference_row
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
@@ -19,7 +19,6 @@ from parallel_robot_model.compiler import (
     FirstClass,
     is_finite,
     kernel,
-    read_row,
     vector,
     write_row,
 )
@@ -227,11 +226,7 @@ def compiled_loop(
             write_row(passive_velocity, k, true.passive_velocity)
         # 3. The torque computed from it.
         if answered:
-            desired = JointReference(
-                read_row(reference.position, place - late, row),
-                read_row(reference.velocity, place - late, row),
-                read_row(reference.acceleration, place - late, row),
-            )
+            desired = reference_row(reference, place - late, row)
             when = When(sample - late, plant.imperfections.age, dt)
             cycle = run_cycle(control, desired, seen.position, seen.velocity, seen.effort, when)
             torque, cause = cycle.torque, cycle.cause

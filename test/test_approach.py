@@ -8,12 +8,12 @@ from parallel_robot_control.approach import (
     BACK,
     GOES_ON,
     START,
+    ApproachMemory,
     ApproachParameters,
-    approach_memory,
     approached,
 )
 from parallel_robot_control.contract import JointReference
-from parallel_robot_model.compiler import kernel, vector
+from parallel_robot_model.compiler import Struct, kernel, vector, zeros_of
 
 DT = 1e-3
 REFERENCE = JointReference(*map(vector, ([0.4, -0.2], [0.3, 0.1], [-1.0, 2.0])))
@@ -28,7 +28,7 @@ def _approached(parameters, memory, begins, reference, position, velocity, dt):
 def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     """What is added to a reference that stands still, its rate and acceleration."""
     parameters, rows = ApproachParameters(duration, way_back, acceleration), []
-    memory = approach_memory(vector(OFFSET))
+    memory = Struct(zeros_of(ApproachMemory, vector(OFFSET)))
     position = vector(np.asarray(REFERENCE.position) + OFFSET)
     velocity = vector(np.asarray(REFERENCE.velocity) + RATE)
     for _ in range(count):

@@ -15,11 +15,13 @@ from parallel_robot_control.estimation.kalman import AT_REST, DRIFT, SMOOTH
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import (
     Boxed,
+    Struct,
     as_constants,
     kernel,
     read_row,
     vector,
     write_row,
+    zeros_of,
 )
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import build
@@ -111,8 +113,9 @@ def filter_of(velocities=True, command_delay=0.0, lag=0.0):
         'levels': 0.0,
     }  # fmt: skip
     parameters = Boxed(as_constants(build(EstimatorParameters, given, joints=N)))
-    torques, means = recent_torques.recent_torques(ZERO), kalman.kalman_memory(ZERO)
-    return setup_of(estimator=parameters, memory=setup_of(torques=torques, kalman=means), period=T)
+    torques, means = recent_torques.recent_torques(ZERO), zeros_of(kalman.KalmanMemory, ZERO)
+    memory = setup_of(torques=torques, kalman=Struct(means))
+    return setup_of(estimator=parameters, memory=memory, period=T)
 
 
 def found(setup, measured, torques, lates, dts):

@@ -20,11 +20,13 @@ from parallel_robot_control.estimation.lock_in import (
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.compiler import (
     Boxed,
+    Struct,
     as_constants,
     kernel,
     read_row,
     vector,
     write_row,
+    zeros_of,
 )
 from parallel_robot_model.robots.contract import Model
 
@@ -135,7 +137,7 @@ def test_a_delay_of_part_of_a_period_is_that_of_the_closed_form():
     setup = setup_of(
         lock_in=Boxed(as_constants(parameters)),
         estimator=setup_of(delay=0.0, command_delay=0.0, lag=0.0),
-        memory=setup_of(lock_in=lock_in.lock_in_memory(like)),
+        memory=setup_of(lock_in=Struct(zeros_of(lock_in.LockInMemory, like))),
         identifies=True,
         period=T,
     )

@@ -16,7 +16,6 @@ from parallel_robot_control.estimation import recent_torques
 from parallel_robot_control.estimation.recent_torques import MOST, SIZE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    Struct,
     clip,
     inner,
     kernel,
@@ -252,12 +251,6 @@ class KalmanMemory(NamedTuple):
     mean: Mean
     variance: Variance
     levels: Levels  # that it found
-
-
-def kalman_memory(zero: Array) -> Struct:
-    """Before the first state; `zero`: a vector, shape (n,)."""
-    mean, variance = Mean(*[zero] * 5), Variance(*[zero] * 15)
-    return Struct(KalmanMemory(mean, variance, Levels(zero, zero, zero)))
 
 
 @inner

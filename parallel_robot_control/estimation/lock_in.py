@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from parallel_robot_control.estimation.recent_torques import MOST, samples_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import Struct, every, inner, select, solve
+from parallel_robot_model.compiler import every, inner, select, solve
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Model
 
@@ -63,11 +63,6 @@ class LockInMemory(NamedTuple):
     a_cos: Array
     a_sin: Array
     of_joints: Array  # what each joint tells by itself [s], shape (n,)
-
-
-def lock_in_memory(zero: Array) -> Struct:
-    """Before the first state; `zero`: a vector, shape (n,)."""
-    return Struct(LockInMemory(0, 0, 0, False, 0.0, 0.0, 0.0, zero, zero, zero, zero, zero))
 
 
 @inner

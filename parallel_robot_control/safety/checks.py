@@ -16,7 +16,6 @@ from parallel_robot_control.safety.limiting import (
 )
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    Struct,
     clip,
     every,
     inner,
@@ -51,11 +50,6 @@ class WaysMemory(NamedTuple):
     by_rate: Array  # integrals of the magnitudes of rates
     still: Array  # integral of the rate since the position has not changed
     unsaid: Array  # way since the rate has been zero
-
-
-def ways_memory(zero: Array) -> Struct:
-    """Before the first state; `zero`: a vector, shape (n,)."""
-    return Struct(WaysMemory(False, zero, zero, zero, zero, zero))
 
 
 @inner
@@ -120,11 +114,6 @@ class ArrivalMemory(NamedTuple):
 
     spell: float  # for how long torque has been missing [s]
     motors: int  # OBEYED, MISSING, FORGETTING or UNPROVEN
-
-
-def arrival_memory() -> Struct:
-    """Before the first state."""
-    return Struct(ArrivalMemory(0.0, OBEYED))
 
 
 class Arrival(NamedTuple):
@@ -208,11 +197,6 @@ class MomentumMemory(NamedTuple):
     sample: int  # at which it looked
     observed: Observed
     lasted: float  # for how long the residual was at the limit [s]
-
-
-def momentum_memory(zero: Array) -> Struct:
-    """Before the first state; `zero`: a vector, shape (n,)."""
-    return Struct(MomentumMemory(0, Observed(zero, zero, zero), 0.0))
 
 
 @inner

@@ -13,7 +13,8 @@ Loops
     ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
     its address, of type ``ANY`` where only that is needed; ``as_constants`` is how they read
     parameters; ``entry_point`` makes a kernel one that is called from Python without a look at its
-    types. A ``Struct`` is memory whose fields kernels and Python read and write by their names.
+    types. A ``Struct`` is memory whose fields kernels and Python read and write by their names,
+    ``zeros_of`` what is in one at first.
     ``arrays_of`` and ``vectors_of`` turn vectors to arrays and back.
 Out of Python
     ``native_object`` makes an object file of kernels and of the boxed tuple that they take, with
@@ -30,6 +31,7 @@ from parallel_robot_model.compiler.boxed import (
     Struct,
     as_constants,
     plain_type,
+    zeros_of,
 )
 from parallel_robot_model.compiler.elementary.names import arctangent, cosine, sine
 from parallel_robot_model.compiler.kernels import (
@@ -94,5 +96,5 @@ __all__ = [
     'inlined', 'inner', 'is_finite', 'kernel', 'largest', 'leaves', 'multiply',
     'native_object', 'need_compiler', 'plain_type', 'poll', 'read_at', 'read_row', 'reason',
     'recv', 'select', 'send', 'shape_of', 'shutdown', 'sine', 'solve', 'solve_full',
-    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row',
+    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row', 'zeros_of',
 ]  # fmt: skip

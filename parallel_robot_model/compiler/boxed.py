@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin
+from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
 import numba
 import numpy as np
@@ -17,6 +17,7 @@ from llvmlite import ir
 from numba import typeof, types
 from numba.extending import NativeValue, models, register_model, unbox
 
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler.kernels import kernel
 from parallel_robot_model.compiler.numba_parts import (
     AttributeTemplate,
@@ -297,6 +298,15 @@ class Struct(Boxed):
                 setattr(self, name, saved)
             elif isinstance(each, np.ndarray):
                 each[:] = saved
+
+
+def zeros_of(kind: Any, zero: Array) -> Any:
+    """A named tuple of zeros, by the types of its fields; `zero`: that of each vector."""
+    if kind in (bool, int, float):
+        return kind()
+    if not hasattr(kind, '_fields'):
+        return zero
+    return kind(*(zeros_of(each, zero) for each in get_type_hints(kind).values()))
 
 
 def _lies_elsewhere(value: Any) -> bool:
