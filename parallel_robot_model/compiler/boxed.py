@@ -8,6 +8,7 @@ Struct they and Python write, too.
 from __future__ import annotations
 
 import copy
+import functools
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple, TypeVar, cast, get_args, get_origin, get_type_hints
 
@@ -300,13 +301,16 @@ class Struct(Boxed):
                 each[:] = saved
 
 
+_hints = functools.cache(get_type_hints)
+
+
 def zeros_of(kind: Any, zero: Array) -> Any:
     """A named tuple of zeros, by the types of its fields; `zero`: that of each vector."""
     if kind in (bool, int, float):
         return kind()
     if not hasattr(kind, '_fields'):
         return zero
-    return kind(*(zeros_of(each, zero) for each in get_type_hints(kind).values()))
+    return kind(*(zeros_of(each, zero) for each in _hints(kind).values()))
 
 
 def _lies_elsewhere(value: Any) -> bool:
