@@ -29,7 +29,8 @@ from parallel_robot_control.messages import limit_codes
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
 from parallel_robot_model.compiler import Struct, vector
-from parallel_robot_model.configuration.hazards import KINDS, UNTOLD, Hazard, parse
+from parallel_robot_model.configuration.hazard_table import UNTOLD
+from parallel_robot_model.configuration.hazards import KINDS, Hazard, parse
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration, assemble_plant, configure
 from parallel_robot_sim.plant import PlantState

@@ -45,7 +45,7 @@ from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS, OF_JOINTS, Array
 from parallel_robot_model.compiler import need_compiler
-from parallel_robot_model.configuration.hazards import HazardTimes, parse
+from parallel_robot_model.configuration.hazard_table import REASONS, HazardTable
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.messages import cdr, layouts
 from parallel_robot_model.messages.topics import Telemetry
@@ -109,8 +109,7 @@ class Controller:
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
         self._answered_at = 0  # ns, on the monotonic clock
         self._first: int | None = None  # stamp from which on the first torque of the run acted
-        hazards, age = parse(loop.hazards), safety.state_age
-        self._times = HazardTimes(hazards, loop.period, age, loop.seed) if hazards else None
+        self._hazards = HazardTable(loop, safety.state_age)
         tolerance = np.broadcast_to(safety.effort_tolerance, len(joints)).tolist()
         self._efforts = ClampedEfforts(joints, tolerance, self._units)
         self._why = ''  # why the motors did not apply the torque, when that became a fault
@@ -434,8 +433,8 @@ class Controller:
             The code of :func:`answer_kernel.answer`; with ANSWERED, `command` is the answer.
         """
         states = self._states if wire is None else wire
-        if self._times is not None:
-            self.code = self._befall(self._times, data)
+        if self._hazards.on:
+            self.code = self._befall(self._hazards, data)
             if self.code < 0:
                 return self.code
         monotonic = time.monotonic_ns()
@@ -488,7 +487,7 @@ class Controller:
             common.heard = heard
         return self.code > 0
 
-    def _befall(self, times: HazardTimes, data: bytes) -> int:
+    def _befall(self, table: HazardTable, data: bytes) -> int:
         """Let happen what hazards do to a controller before it answers a state."""
         common = self._common
         stamp, start = layouts.header_stamp(data), common.start
@@ -497,22 +496,22 @@ class Controller:
         age = start - stamp if common.last == NEVER else common.age
         index = (stamp + (age if 0 < age <= OLDEST else 0) - start) // self._loop.period_ns
         before = self._sample if index > 0 else -1  # else the plant was reset
-        sample = times.sample_of(index, before)
+        sample = table.sample_of(index, before)
         self._sample = sample
-        reason = faults.NUMBERS.get(times.refusal(sample), faults.NONE)
+        reason = faults.NUMBERS.get(REASONS[table.heard(sample).refused], faults.NONE)
         if reason != faults.NONE and self._loop.lockstep:
             self._refused = reason, common.answers, 0
-        if any(before < renewal <= sample for renewal in times.renewals):
+        if any(before < renewal <= sample for renewal in table.renewals):
             self._state.fault = faults.NONE
             self._reset()
             self._fault_seen, self._changed = faults.NONE, True
-        if any(before < clear <= sample for clear in times.clears):
+        if any(before < clear <= sample for clear in table.clears):
             known = self.fault != faults.NONE and not self._state.lost
             self._changed |= known and not self.clear_fault()
-        common.until = start + times.newest_reference(index) * self._loop.period_ns
+        common.until = start + int(table.heard(index).newest) * self._loop.period_ns
         if reason == faults.NONE or not self._loop.lockstep:
             return ANSWERED
-        return REFUSED_LONG if times.loss(sample) and self.lose(reason) else REFUSED
+        return REFUSED_LONG if sample in table.lost and self.lose(reason) else REFUSED
 
     def _count_fault(self) -> None:
         """Count the present fault, once, by its text."""

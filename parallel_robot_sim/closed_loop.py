@@ -15,16 +15,11 @@ from parallel_robot_control.reference_buffer import reference_row
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import (
-    FirstClass,
-    is_finite,
-    kernel,
-    vector,
-    write_row,
-)
+from parallel_robot_model.compiler import FirstClass, is_finite, kernel, vector, write_row
+from parallel_robot_model.configuration.hazard_table import Heard
 from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_sim.configuration import Plant
-from parallel_robot_sim.course import Course, Heard, course_of
+from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.hazards import Waiting, not_waiting
 from parallel_robot_sim.plant import PlantSetup, PlantState, demanded, observe, step
 from trajectory_gen.trajectory import Reference
@@ -136,9 +131,10 @@ def run_part(
         plant.setup,
         course.reference,
         course.heard,
+        course.dt,
     )
     parts: list[ClosedLoopRun] = []
-    for row, stop in itertools.pairwise([*course.cuts, len(course.known)]):
+    for row, stop in itertools.pairwise([*course.cuts, len(course.dt)]):
         course.befall(row, control, state.plant.torque, state.cause)
         fault = control.setup.memory.state.fault
         if refused is not None and row in course.clears and fault != faults.NONE:
@@ -174,6 +170,7 @@ def compiled_loop(
     plant: PlantSetup,
     reference: Reference,
     heard: Heard,
+    since: Array,
     begin: LoopState,
     complete: bool,
     period: float,
@@ -183,7 +180,8 @@ def compiled_loop(
 ) -> ClosedLoopRun:
     """The loop of :func:`run_part` over some rows, with the kernels that it calls as FirstClass.
 
-    Row 0 of reference and `heard` is the sample `origin`.
+    Row 0 of reference, `heard` and `since` is the sample `origin`; `since`: time since the state
+    that was answered before [s].
     """
     state, waiting, torque, cause = begin
     row = state.torque
@@ -210,7 +208,7 @@ def compiled_loop(
         answered, late, dt, is_told = True, 0, period, True
         if plant.hazards.on:
             is_told, answered, late = heard.told[place], heard.answered[place], heard.late[place]
-            dt = heard.dt[place]
+            dt = since[place]
         seen = observe(plant, state, sample, period, is_told)
         true = seen.true
         if not is_finite(true.velocity):

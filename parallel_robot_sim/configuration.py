@@ -23,6 +23,7 @@ from parallel_robot_model.configuration.fields import (
     grouped,
     parameters,
 )
+from parallel_robot_model.configuration.hazard_table import HazardTable
 from parallel_robot_model.configuration.hazards import KEY, Hazard, parse
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.configuration.plain_data import locating
@@ -183,7 +184,7 @@ class Plant(NamedTuple):
 
     setup: PlantSetup  # what it is made of
     state: PlantState
-    hazards: tuple[Hazard, ...]  # what happens to it
+    hazards: HazardTable  # what happens to it
     safety: SafetyParameters  # time-outs of the loop
 
 
@@ -253,7 +254,8 @@ def assemble_plant(configuration: Configuration) -> Plant:
     if flexible:
         fine = with_steps(drive, setup, state, loop.period, own.substeps)
         setup = setup._replace(imperfections=imperfections._replace(drive=fine).constants(joints))
-    return Plant(setup, state, hazards, configuration.safety)
+    table = HazardTable(loop, configuration.safety.state_age)
+    return Plant(setup, state, table, configuration.safety)
 
 
 def _hazards(configuration: Configuration) -> tuple[Hazard, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,48 +14,30 @@ from parallel_robot_control.controller_state import clear, drop_torque, join, re
 from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.hazards import SIGNS, HazardTimes
+from parallel_robot_model.configuration.hazard_table import REASONS, Heard
 from parallel_robot_sim.configuration import Plant
 from trajectory_gen.trajectory import Reference
 
-AROUND = 2  # samples without a hazard, after which none is looked back at
 
+class Course(NamedTuple):
+    """The course of a run, or of a part of one."""
 
-class Heard(NamedTuple):
-    """Which states come to the controller, one row for each sample."""
-
-    told: NDArray[np.bool_]  # whether there is a message of a state, shape (N,)
-    answered: NDArray[np.bool_]  # whether the controller answers it, shape (N,)
-    late: NDArray[np.int64]  # samples since that which it tells, shape (N,)
+    heard: Heard  # which states come to the controller, and which references it knows
     # time from the measurement of the state answered before to that of this one [s], shape
     # (N,)
     dt: Array
-
-    def head(self, count: int) -> Heard:
-        """The first samples."""
-        return Heard(self.told[:count], self.answered[:count], self.late[:count], self.dt[:count])
-
-
-class Course(NamedTuple):
-    """The course of a run."""
-
-    heard: Heard  # which states come to the controller
     reference: Reference  # desired motion as the controller knows it, one row for each sample
-    known: NDArray[np.int64]  # sample of the newest reference that it knows, shape (N,)
-    shown: NDArray[np.bool_]  # whether the pose of a sample is told, shape (N,)
     # samples at which a state is answered and that is too old, shape (N,)
     stale: NDArray[np.bool_]
     # samples at which a state is answered and that is told to be old, shape (N,)
     overdue: NDArray[np.bool_]
-    late: frozenset[int] = frozenset()  # samples at which the first state comes after too long
+    late: frozenset[int]  # samples at which the first state comes after too long
     # samples at which states have been refused for too long, and the fault that it is
-    lost: Mapping[int, int] = MappingProxyType({})
+    lost: Mapping[int, int]
     # samples at which the first state comes after a call of ``~/clear_fault``
-    clears: frozenset[int] = frozenset()
+    clears: frozenset[int]
     # samples at which a controller hears its first state; 0 is not among them
-    renewals: frozenset[int] = frozenset()
-    # samples whose states have a velocity that is not a number
-    invalid: frozenset[int] = frozenset()
+    renewals: frozenset[int]
 
     @property
     def returns(self) -> list[int]:
@@ -106,86 +87,50 @@ class Course(NamedTuple):
             trip(cycle, faults.REFERENCE_STALE)
 
 
-def course_of(plant: Plant, reference: Reference, period: float) -> Course:
+def course_of(plant: Plant, reference: Reference, period: float, first: int = 0) -> Course:
     """The course of a run over all samples of a reference.
 
     Args:
         plant: The plant, with its hazards.
         reference: Desired motion, one sample per period.
         period: Time between samples [s].
+        first: Sample of its first row: 0, or one after all hazards.
     """
-    count, tick = len(reference.position), round(period * NANOSECONDS)
-    samples, dt = np.arange(count), np.full(count, period)
-    if not plant.hazards:
-        return undisturbed(reference, period)
-    seed = int(plant.setup.imperfections.seed)
-    times = HazardTimes(plant.hazards, period, plant.safety.state_age, seed)
-    told, answered, late, known, shown = (
-        np.array([find(k) for k in range(count)])
-        for find in (
-            times.is_told,
-            times.is_answered,
-            times.late,
-            times.newest_reference,
-            times.is_shown,
-        )
-    )
+    count, tick, table = len(reference.position), round(period * NANOSECONDS), plant.hazards
+    samples = np.arange(count)
+    heard = table.heard(first + samples)
+    heard = heard._replace(newest=heard.newest - first)
     # 1. Times between the states that are answered.
-    rows = np.flatnonzero(answered)
-    measured = (samples - late)[rows]
+    dt, rows = np.full(count, period), np.flatnonzero(heard.answered)
+    measured = (samples - heard.late)[rows]
     steps = tick * np.diff(measured)
     dt[rows[1:]] = steps / NANOSECONDS
-    renewed = {*_first(rows, times.renewals), *rows[:1].tolist()}
+    renewed = {*_first(rows, table.renewals, first), *rows[:1].tolist()}
     dt[[*renewed]] = period
     gaps = {*rows[1:][steps > round(plant.safety.state_timeout * NANOSECONDS)].tolist()} - renewed
     # 2. References.
-    age = tick * (samples - known)
+    age = tick * (samples - heard.newest)
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
     stale, overdue = np.zeros((2, count), bool)
     stale[rows] = old[measured]
     overdue[rows] = age[measured] > round(limiting.OVERDUE * NANOSECONDS)
+    clears = _first(np.flatnonzero(heard.told), table.clears, first)
     return Course(
-        Heard(told, answered, late, dt),
-        _known(reference, known, age, old),
-        known,
-        shown,
+        heard,
+        dt,
+        _known(reference, heard.newest, age, old),
         stale,
         overdue,
         frozenset(gaps),
-        {k: faults.NUMBERS[code] for k in range(count) if (code := times.loss(k))},
-        frozenset(k for k in _first(np.flatnonzero(told), times.clears) if answered[k]),
+        {k: faults.NUMBERS[REASONS[why]] for k, why in table.lost.items() if k < count},
+        frozenset(k for k in clears if heard.answered[k]),
         frozenset(renewed - {0}),
-        frozenset(k for k in range(count) if times.refusal(k) == 'states_invalid'),
     )
 
 
-def undisturbed(reference: Reference, period: float) -> Course:
-    """The course of a run, or of a part of one, in which no hazard happens.
-
-    Arguments as of :func:`course_of`.
-    """
-    count = len(reference.position)
-    all_, none = np.ones(count, bool), np.zeros(count, np.int64)
-    never = none.astype(bool)
-    heard = Heard(all_, all_, none, np.full(count, period))
-    return Course(heard, reference, np.arange(count), all_, never, never)
-
-
-def calm(plant: Plant, period: float) -> int:
-    """First sample from which on no hazard makes anything of the course of a run.
-
-    The samples around it are those of a run without hazards, as are their stamps.
-    """
-    ends = [
-        each.samples(period)[1] + (round(abs(each.size) / period) if each.what in SIGNS else 0)
-        for each in plant.hazards
-    ]
-    return max(ends, default=-AROUND) + AROUND
-
-
-def _first(rows: NDArray[np.int64], samples: list[int]) -> list[int]:
-    """The first rows from some samples on; fewer at the end."""
-    places = np.searchsorted(rows, samples)
+def _first(rows: NDArray[np.int64], samples: list[int], first: int) -> list[int]:
+    """The first rows from some samples on; fewer at the end; `first`: sample of row 0."""
+    places = np.searchsorted(rows, [sample - first for sample in samples if sample >= first])
     return [int(row) for row in rows[places[places < len(rows)]]]
 
 

@@ -19,6 +19,7 @@ from parallel_robot_model.configuration.fields import (
     declared_in,
     untrue_keys,
 )
+from parallel_robot_model.configuration.hazard_table import INVALID
 from parallel_robot_model.configuration.loop import SWAPPED
 from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.contract import PLACE
@@ -259,7 +260,7 @@ class Told:
     def of(self, part: Simulation) -> Motion:
         """The motion of the next part."""
         run, late = part.run, part.course.heard.late
-        rows, time, reference = self.reference(part.course, part.reference, part.first, run.steps)
+        rows, time, reference = self.reference(part.course, part.reference, part.first)
         return Motion(
             time,
             corrected(self._values, run.position[rows]),
@@ -269,7 +270,7 @@ class Told:
         )
 
     def reference(
-        self, course: Course, desired: Reference, first: int, steps: int
+        self, course: Course, desired: Reference, first: int
     ) -> tuple[NDArray[np.int64], Array, Array]:
         """What the states of the next part are to be.
 
@@ -277,7 +278,6 @@ class Told:
             course: The course of the part.
             desired: Its desired motion.
             first: Sample of its first row.
-            steps: How many rows of it there are.
 
         Returns:
             Rows of the part, their times [s], and desired positions then [rad], shape (K, n).
@@ -289,9 +289,8 @@ class Told:
         begin = first + len(desired.position) - len(motion.position)  # sample of its first row
         self._before = JointReference(*(each[max(len(each) - late, 0) :] for each in motion))
         last = first + len(desired.position) - 1
-        heard = course.heard.head(steps)
-        rows = np.flatnonzero(heard.told)
-        rows = rows[~np.isin(rows, [*course.invalid])]
+        heard = course.heard
+        rows = np.flatnonzero(heard.told & (heard.refused != INVALID))
         measured = first + rows - heard.late[rows]
         kept = (measured >= 0) & (measured <= last + self._oldest)
         rows, measured = rows[kept], measured[kept]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import neutral
+from parallel_robot_model.configuration.hazard_table import Heard
 from parallel_robot_sim.configuration import Configuration, assemble_plant
-from parallel_robot_sim.course import Heard, course_of
 from parallel_robot_sim.hazards import Waiting, not_waiting
 from parallel_robot_sim.plant import (
     PlantSetup,
@@ -52,7 +52,7 @@ def under_commands(
         InputError: the plant cannot be put together.
     """
     plant, period = assemble_plant(configuration), configuration.loop.period
-    heard = course_of(plant, reference, period).heard
+    heard = plant.hazards.heard(np.arange(len(reference.position)))
     rows = np.flatnonzero(heard.answered)
     if not len(rows) - 1 <= len(commands) <= len(rows):  # that to the last state may be missing
         return None
@@ -82,9 +82,7 @@ class UnderCommands:
             Joints at the samples, and as states tell them [rad], each shape (N, n); fewer where
             they stop to be finite. The torque of the motors there [N m], likewise.
         """
-        all_ = np.ones(len(commands), bool)
-        heard = Heard(all_, all_, np.zeros(len(all_), np.int64), np.zeros(len(all_)))
-        plant = self._plant.setup
+        plant, heard = self._plant.setup, self._plant.hazards.heard(np.arange(len(commands)))
         joints, seen, effort, self._state = _moved_by(
             plant, self._state, heard, commands, self._period
         )
@@ -110,7 +108,7 @@ def under_torques(configuration: Configuration, effort: Array, reference: Refere
         )
     )
     period = configuration.loop.period
-    heard = course_of(plant, reference, period).heard
+    heard = plant.hazards.heard(np.arange(len(reference.position)))
     torque = np.vstack([effort[1:], effort[-1:]])
     joints, seen, effort, _ = _moved_by(plant.setup, plant.state, heard, torque, period)
     return Again(joints, seen, effort, heard)

@@ -15,7 +15,7 @@ from parallel_robot_control.messages import wire_of
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import Struct, entry_point, need_compiler
-from parallel_robot_model.configuration.hazards import HazardTimes
+from parallel_robot_model.configuration.hazard_table import Heard
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
@@ -41,9 +41,7 @@ class Simulator:
         self.robot = robot = configuration.true_robot
         axes = robot.module.coordinates(robot.parameters)
         self._units = ', '.join(axis.unit for axis in axes)
-        self._setup, start, hazards, _ = assemble_plant(configuration)
-        age = configuration.safety.state_age
-        self._times = HazardTimes(hazards, loop.period, age, loop.seed) if hazards else None
+        self._setup, start, self._hazards, _ = assemble_plant(configuration)
         self._period = loop.period
         self._patience = self._setup.patience
         n = len(loop.joints)
@@ -101,19 +99,9 @@ class Simulator:
         return round(self._state.time / self._period)
 
     @property
-    def told(self) -> bool:
-        """Whether hazards leave a message of the present state."""
-        return self._times is None or self._times.is_told(self.sample)
-
-    @property
-    def answered(self) -> bool:
-        """Whether hazards leave a message of the present state that a controller answers."""
-        return self._times is None or self._times.is_answered(self.sample)
-
-    @property
-    def shown(self) -> bool:
-        """Whether hazards leave a message of the present pose."""
-        return self._times is None or self._times.is_shown(self.sample)
+    def heard(self) -> Heard:
+        """What hazards leave of the present state."""
+        return self._hazards.heard(self.sample)
 
     def advance(self, command: np.ndarray, arrived: bool = True) -> bool:
         """Advance by one period.
@@ -151,8 +139,7 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        if self._times is not None:
-            stamp -= self._times.late(self.sample) * round(self._period * NANOSECONDS)
+        stamp -= int(self.heard.late) * round(self._period * NANOSECONDS)
         if not self._tell(self._core, stamp):
             raise RunError(DRIVEN_OUT)
         return self._message.tobytes()
@@ -292,7 +279,7 @@ class PlantRun:
 
     def go_on_alone(self) -> bool:
         """Step on from a state that hazards leave without an answer (lockstep)."""
-        alone = self._lockstep and not self.simulator.answered
+        alone = self._lockstep and not self.simulator.heard.answered
         return alone and self._steps_left != 0 and self._go_on()
 
     def pause(self) -> None:

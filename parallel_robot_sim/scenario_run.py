@@ -275,7 +275,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
 def _stamps(made: Simulation) -> NDArray[np.int64]:
     """Stamps of the states of a simulation, as its bag has them [ns], shape (N,)."""
     loop, count = made.experiment.loop, len(made.run.position)
-    late = made.course.heard.head(count).late
+    late = made.course.heard.late
     age = round(made.age * NANOSECONDS)
     return loop.step_start + loop.period_ns * (np.arange(count) - late) - age
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
-from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -23,7 +22,7 @@ from parallel_robot_model.robots.contract import Fault
 from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part
 from parallel_robot_sim.configuration import Configuration, Experiment, assemble
-from parallel_robot_sim.course import Course, calm, course_of, undisturbed
+from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
 from trajectory_gen.trajectory import Reference
 
@@ -97,10 +96,8 @@ class Simulation(NamedTuple):
     @property
     def course(self) -> Course:
         """What hazards made of the course of the run."""
-        plant, period = self.experiment.plant, self.experiment.loop.period
-        if self.first:
-            return undisturbed(self.reference, period)
-        return course_of(plant, self.reference, period)
+        period = self.experiment.loop.period
+        return course_of(self.experiment.plant, self.reference, period, self.first)
 
     @property
     def desired(self) -> JointReference:
@@ -323,15 +320,14 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
     state = begin(control, plant)
     first, first_fault = 0, None
     while first < samples:
-        stop = min(samples, max(first + (size or AT_ONCE), calm(plant, period)))
+        stop = min(samples, max(first + (size or AT_ONCE), plant.hazards.calm))
         if known is not None and stop == len(known.pose):
             reference, known = known, None
         else:
             reference = trajectory.sample(np.arange(first, stop) * period)
         begun = time.perf_counter()
-        course = undisturbed if first else partial(course_of, plant)
         refused: list[tuple[int, int]] = []
-        seen = course(reference, period)
+        seen = course_of(plant, reference, period, first)
         made = run_part(control, plant, seen, state, period, first, refused=refused)
         loop_time = time.perf_counter() - begun
         if not first + made.steps:

@@ -7,7 +7,9 @@ from parallel_robot.cli.command_line import main
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import hazards
+from parallel_robot_model.configuration.hazard_table import HazardTable
 from parallel_robot_model.configuration.hazards import KINDS, Hazard
+from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_sim.configuration import configure
 
 TYPED = {
@@ -46,11 +48,9 @@ def test_texts_and_mappings_are_one_form(text):
 
 
 def test_a_share_of_the_states_is_dropped_at_random_by_the_seed():
-    (hazard,) = hazards.parse(['states_dropped share 0.1 at 0.5 for 20.0'])
-    one, again, other = (
-        np.array([*map(hazards.HazardTimes([hazard], 1e-3, 0.04, seed).is_told, range(20_500))])
-        for seed in (1, 1, 2)
-    )
+    given = {'hazards': ['states_dropped share 0.1 at 0.5 for 20.0']}
+    loops = (loop_of(resolve('paper_circle', {**given, 'seed': seed})) for seed in (1, 1, 2))
+    one, again, other = (HazardTable(loop, 0.04).heard(np.arange(20_500)).told for loop in loops)
     assert (one == again).all() and one[:500].all()
     for told in (one, other):
         assert abs(np.mean(~told[500:]) - 0.1) < 3.0 * np.sqrt(0.1 * 0.9 / 20_000)

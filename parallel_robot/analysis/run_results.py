@@ -22,7 +22,7 @@ from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_sim.course import Course, undisturbed
+from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.ideal_torque import IdealTorque
 from parallel_robot_sim.motions import SimulatedMotions, Told
 from parallel_robot_sim.simulation import Simulation
@@ -215,7 +215,7 @@ def _plan(part: Simulation, told: Told | None) -> Plan:
         time, wanted = _times(first, len(reference.position), period), reference.position
         true.add(time, wanted)
         if told is not None:
-            _, time, wanted = told.reference(course, reference, first, len(wanted))
+            _, time, wanted = told.reference(course, reference, first)
         seen.add(time, wanted)
     return Plan(end, *(all_of_it(moves.rows, moves.first) for moves in (true, seen)))
 
@@ -227,7 +227,7 @@ def _planned(part: Simulation) -> Iterator[tuple[int, Reference, Course]]:
     for first in range(size, (loop.last_index or 0) + 1, size):
         stop = min(first + size, (loop.last_index or 0) + 1)
         reference = part.experiment.trajectory.sample(np.arange(first, stop) * loop.period)
-        yield first, reference, undisturbed(reference, loop.period)
+        yield first, reference, course_of(part.experiment.plant, reference, loop.period, first)
 
 
 def _times(first: int, count: int, period_ns: int) -> np.ndarray:

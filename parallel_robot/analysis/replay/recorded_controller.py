@@ -31,7 +31,7 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import OVERDUE
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.hazards import HazardTimes, parse
+from parallel_robot_model.configuration.hazard_table import HazardTable
 
 HIDDEN = 2  # states after a change whose torques may not show it yet
 PROOF = 20  # states on which guesses are compared
@@ -139,7 +139,7 @@ class RecordedController:
         self._gaps = np.flatnonzero((steps > states_out) & self.exact & lockstep) + 1
         dt = np.concatenate([[0.0], steps / NANOSECONDS])
         acts = self.stamps if log.used is None else log.used.acts[self.rows]
-        ends = HazardTimes(parse(self._loop.hazards), self._loop.period, np.inf, 0).renewals
+        ends = HazardTable(self._loop, safety.state_age).renewals
         rows = np.searchsorted((acts - log.start_stamp) // self._loop.period_ns, ends)
         # rows of the first states that new controllers hear
         self._renewals = rows[(rows > 0) & (rows < len(self.rows))]

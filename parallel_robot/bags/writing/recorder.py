@@ -13,6 +13,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from parallel_robot.bags import trust
 from parallel_robot.bags.experiment import describe, software
 from parallel_robot.bags.files.bag_files import CHANGES, MISSING, PARAMETERS, Certificate
@@ -21,7 +23,7 @@ from parallel_robot.bags.messages.message_types import Channel, channel_of
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import InputError, RunError
 from parallel_robot_model.configuration import plain_data
-from parallel_robot_model.configuration.hazards import HazardTimes, parse
+from parallel_robot_model.configuration.hazard_table import HazardTable
 from parallel_robot_model.configuration.loop import LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.layouts import header_stamp, last_state
@@ -137,13 +139,9 @@ class Recorder:
         self._last_heard = time.monotonic()
         self._early: list[tuple[Topic, bytes, int, int]] = []  # latched, from before the start
         self._lockstep = loop.lockstep
-        self._times = HazardTimes(
-            parse(loop.hazards),
-            loop.period,
-            float(values.get('safety.state_age', math.inf)),
-            loop.seed,
-        )
-        self._answered = filter(self._times.is_answered, itertools.count())  # samples
+        self._table = HazardTable(loop, float(values.get('safety.state_age', math.inf)))
+        # samples whose states are answered
+        self._answered = (k for k in itertools.count() if self._table.heard(k).answered)
         self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite
         self._streams = {
@@ -172,7 +170,7 @@ class Recorder:
         self._start = start_stamp or (self._loop.step_start if self._loop.lockstep else 0)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns
-            last = self._times.last_told(self._loop.last_index)
+            last = self._table.last_told(self._loop.last_index)
             self._last_state = start_stamp + last * self._loop.period_ns
         metadata = describe(self._loop, self._values, start_stamp)
         try:
@@ -317,15 +315,16 @@ class Recorder:
 
     def _count(self, topic: Topic, samples: int) -> int:
         """How many messages of a topic some samples have, less those that hazards leave out."""
-        every, times = topic.every, self._times
+        every, table = topic.every, self._table
         if not every:
             return 1
-        if self._loop.hazards and topic in (*TELEMETRY, ANSWERED):
-            return len(times.due(samples, every))
-        left = {JOINT_STATES: times.is_told, COMMANDS: times.is_answered, POSE: times.is_shown}
-        if self._loop.hazards and topic in left:
-            return sum(map(left[topic], range(0, samples, every)))
-        return (samples - 1) // every + 1
+        calm = min(samples, -(-table.calm // every) * every)
+        rest = (samples - 1) // every - (calm - 1) // every
+        if topic in (*TELEMETRY, ANSWERED):
+            return len(table.due(calm, every)) + rest
+        heard = table.heard(np.arange(0, calm, every))
+        left = {JOINT_STATES: heard.told, COMMANDS: heard.answered, POSE: heard.shown}
+        return int(left.get(topic, np.ones_like(heard.told)).sum()) + rest
 
     def complete(self) -> bool:
         """Whether the motion is over and all its messages arrived, or will not come any more."""

@@ -26,7 +26,6 @@ from parallel_robot_control.messages import (
 from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_model.configuration.hazards import HazardTimes
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_sim.course import Course
 from parallel_robot_sim.plant_core import ReportedEffort, state_layout, state_messages
@@ -118,16 +117,14 @@ class _Streams:
         loop, robot = experiment.loop, experiment.trajectory.robot
         count = run.steps
         course, samples = part.course, np.arange(count)
-        heard = course.heard.head(count)
+        heard = course.heard
         begin = loop.step_start + part.first * loop.period_ns
         stamps = begin + samples * loop.period_ns
         acts = stamps - heard.late * loop.period_ns  # as the controller knows it
         measured = acts - round(part.age * NANOSECONDS)
         slow = due = samples[-part.first % topics.SLOW :: topics.SLOW]
-        if len(experiment.plant.hazards) and not part.first:
-            age_limit = experiment.plant.safety.state_age
-            times = HazardTimes(experiment.plant.hazards, loop.period, age_limit, loop.seed)
-            due = np.array(times.due(count, topics.SLOW), np.int64)
+        if not part.first:
+            due = experiment.plant.hazards.due(count, topics.SLOW)
         if self._effort is None:
             self._effort = ReportedEffort(round(part.age / loop.period))
         told = self._effort.of(run.effort[:count])[samples - np.maximum(heard.late, 0)]
@@ -149,12 +146,12 @@ class _Streams:
         for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
             records[topic] = due, _bytes_of(messages)
         if robot.place:
-            shown = slow[course.shown[slow]]
+            shown = slow[heard.shown[slow]]
             poses = pose_messages(robot, stamps[shown], run.pose[shown])
             records[topics.POSE] = shown, _bytes_of(poses)
             poses = pose_messages(robot, stamps[slow], reference.pose[slow])
             records[topics.POSE_REFERENCE] = slow, _bytes_of(poses)
-        known = begin + course.known * loop.period_ns
+        known = begin + heard.newest * loop.period_ns
         answered = np.flatnonzero(heard.answered)
         asked = [measured[answered], known[answered - heard.late[answered]], acts[answered]]
         answers = np.hstack([np.stack(asked, axis=1), run.command[answered].view(np.int64)])
@@ -173,7 +170,7 @@ class _Streams:
     ) -> Rows:
         """Where the status changes."""
         experiment, count = part.experiment, part.run.steps
-        answered = course.heard.answered[:count]
+        answered = course.heard.answered
         limits = reported_limits(
             part.run.acted[:count], measured, answered, course.renewals, self._limits
         )
@@ -181,7 +178,7 @@ class _Streams:
         acted = np.where(last < 0, self._limits[0], limits[last])
         since = np.where(last < 0, self._acts or acts[0], acts[last])
         told = answered.copy()
-        told[[k for k in course.lost if k < count]] = True
+        told[[*course.lost]] = True
         rows = np.flatnonzero(told)
         phases = part.phases
         kinds = np.stack([part.run.fault[rows], acted[rows], phases[rows]], axis=1)
