@@ -98,23 +98,26 @@ def course_of(plant: Plant, reference: Reference, period: float, first: int = 0)
     """
     count, tick, table = len(reference.position), round(period * NANOSECONDS), plant.hazards
     samples = np.arange(count)
-    heard = table.heard(first + samples)
-    heard = heard._replace(newest=heard.newest - first)
+    heard, dt = table.heard(first + samples), np.full(count, period)
+    stale, overdue = np.zeros((2, count), bool)
+    if first >= table.calm:
+        none: frozenset[int] = frozenset()
+        heard = heard._replace(newest=samples)
+        return Course(heard, dt, reference, stale, overdue, none, {}, none, none)
     # 1. Times between the states that are answered.
-    dt, rows = np.full(count, period), np.flatnonzero(heard.answered)
+    rows = np.flatnonzero(heard.answered)
     measured = (samples - heard.late)[rows]
     steps = tick * np.diff(measured)
     dt[rows[1:]] = steps / NANOSECONDS
-    renewed = {*_first(rows, table.renewals, first), *rows[:1].tolist()}
+    renewed = {*_first(rows, table.renewals), *rows[:1].tolist()}
     dt[[*renewed]] = period
     gaps = {*rows[1:][steps > round(plant.safety.state_timeout * NANOSECONDS)].tolist()} - renewed
     # 2. References.
     age = tick * (samples - heard.newest)
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
-    stale, overdue = np.zeros((2, count), bool)
     stale[rows] = old[measured]
     overdue[rows] = age[measured] > round(limiting.OVERDUE * NANOSECONDS)
-    clears = _first(np.flatnonzero(heard.told), table.clears, first)
+    clears = _first(np.flatnonzero(heard.told), table.clears)
     return Course(
         heard,
         dt,
@@ -128,9 +131,9 @@ def course_of(plant: Plant, reference: Reference, period: float, first: int = 0)
     )
 
 
-def _first(rows: NDArray[np.int64], samples: list[int], first: int) -> list[int]:
-    """The first rows from some samples on; fewer at the end; `first`: sample of row 0."""
-    places = np.searchsorted(rows, [sample - first for sample in samples if sample >= first])
+def _first(rows: NDArray[np.int64], samples: list[int]) -> list[int]:
+    """The first rows from some samples on; fewer at the end."""
+    places = np.searchsorted(rows, samples)
     return [int(row) for row in rows[places[places < len(rows)]]]
 
 

@@ -94,9 +94,10 @@ class HazardTable:
 
     def heard(self, samples: Any) -> Heard:
         """What is heard of samples, shape (N,), or of one."""
-        if isinstance(samples, int) and samples >= self.calm:  # the usual sample of a node
-            calm: Any = (True, True, True, 0, samples, 0)
-            return Heard(*calm)
+        least = samples if isinstance(samples, int) else np.min(samples, initial=sys.maxsize)
+        if least >= self.calm:
+            all_, none = samples >= self.calm, 0 * samples
+            return Heard(all_, all_, all_, none, samples, none)
         samples = np.asarray(samples)
         rows = np.searchsorted(self._edges, samples, side='right') - 1
         found = Heard(*(column[rows] for column in self._stretches))
