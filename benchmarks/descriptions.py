@@ -26,7 +26,7 @@ from parallel_robot_model.common.errors import InputError, ParallelRobotError
 from parallel_robot_model.common.tables import FORMATS, Table, text
 from parallel_robot_model.configuration.robot_file import text_of
 from parallel_robot_model.mechanisms.description.machine import read
-from parallel_robot_model.mechanisms.description.parts import BALL
+from parallel_robot_model.mechanisms.joint_kinds import BALL
 from parallel_robot_model.robots.registry import robot_of
 
 KINDS = '.xml', '.urdf', '.mjcf'

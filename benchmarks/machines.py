@@ -102,7 +102,7 @@ def cases(name: str) -> dict[str, Callable[[], Any]]:
     machine = made(name)
     m, w = machine.boxed()
     n = machine.n
-    scale = np.where(m.kind[m.actuated] == 1, m.length, 1.0)
+    scale = np.where(m.turns[m.actuated] == 0.0, m.length, 1.0)
     phase = (
         2.0 * np.pi * np.arange(n) / n + 2.0 * np.pi * np.arange(SAMPLES)[:, np.newaxis] / SAMPLES
     )

@@ -19,7 +19,6 @@ from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.machine import parsed, with_actuators
 from parallel_robot_model.mechanisms.description.mjcf import compiled, specification
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
     WORLD,
     Description,
     Joint,
@@ -114,7 +113,7 @@ def built(
     bodies = {body.id: body for body in spec.bodies}
     for part in (*spec.actuators, *spec.keys):
         spec.delete(part)
-    balls = [joint for joint in description.joints if joint.kind == BALL]
+    balls = [joint for joint in description.joints if not joint.kind.single]
     for joint in balls:
         _make_single(spec, bodies[joint.body + 1], joint, description)
     of_file = module.machine(parameters).mechanism
@@ -213,7 +212,7 @@ def _act(
     model.tendon_frictionloss[:] = 0.0
     for i, link in enumerate(tree.links):
         joint, at = joints[link.joint.name], model.dof_jntid[i]
-        single = joint.kind != BALL  # nothing acts in others
+        single = joint.kind.single  # nothing acts in others
         _write(model, 'dof_damping', i, joint.damping if single else ())
         _write(model, 'jnt_stiffness', at, joint.stiffness if single else ())
         if single:

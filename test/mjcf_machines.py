@@ -12,9 +12,7 @@ from scipy.linalg import qr
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
-    HINGE,
     POINT,
-    SLIDE,
     TURN,
     Mechanism,
     elements,
@@ -49,7 +47,7 @@ def made(name):
 def samples(machine, count, seed=0, near=NEAR):
     """Positions of the actuated joints around home, shape (count, n)."""
     m = machine.mechanism
-    scale = np.where(m.kind[m.actuated] == 1, m.length, 1.0)
+    scale = np.where(m.turns[m.actuated] == 0.0, m.length, 1.0)
     spread = np.random.default_rng(seed).uniform(-near, near, (count, machine.n))
     return m.home[m.actuated] + scale * spread
 
@@ -113,11 +111,12 @@ def _tree(model):
         for k in range(model.body_jntnum[b]):
             i = model.body_jntadr[b] + k
             anchor = model.jnt_pos[i]
-            kind = HINGE if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE else SLIDE
+            turns = float(model.jnt_type[i] == mujoco.mjtJoint.mjJNT_HINGE)
             rows.append(
                 [
                     joint,
-                    kind,
+                    turns,
+                    1.0 - turns,
                     R,
                     p + R @ anchor,
                     model.jnt_axis[i],
@@ -130,13 +129,13 @@ def _tree(model):
             joint, R, p = i, np.eye(3), -anchor
         frame[b] = (joint, R, p)
         turn = R @ _matrix(model.body_iquat[b])
-        rows[joint][5:8] = [
+        rows[joint][6:9] = [
             model.body_mass[b],
             p + R @ model.body_ipos[b],
             turn @ np.diag(model.body_inertia[b]) @ turn.T,
         ]
-    names = 'parent', 'kind', 'rotation', 'origin', 'axis', 'mass', 'centre', 'inertia', 'armature'
-    columns = zip(*rows, strict=True)
+    names = 'parent', 'turns', 'slides', 'rotation', 'origin', 'axis', 'mass', 'centre', 'inertia'
+    columns, names = zip(*rows, strict=True), (*names, 'armature')
     return {name: np.array(x) for name, x in zip(names, columns, strict=True)}, frame
 
 

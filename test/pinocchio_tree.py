@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from parallel_robot_model.mechanisms.mechanism import HINGE, POINT, TURN
+from parallel_robot_model.mechanisms.mechanism import POINT, TURN
 
 
 def tree(m):
@@ -11,11 +11,7 @@ def tree(m):
     found = pin.Model()
     found.gravity.linear = m.gravity
     for i in range(len(m.parent)):
-        kind = (
-            pin.JointModelRevoluteUnaligned
-            if m.kind[i] == HINGE
-            else pin.JointModelPrismaticUnaligned
-        )
+        kind = pin.JointModelRevoluteUnaligned if m.turns[i] else pin.JointModelPrismaticUnaligned
         place = pin.SE3(m.rotation[i], m.origin[i])
         joint = found.addJoint(int(m.parent[i]) + 1, kind(m.axis[i]), place, f'j{i}')
         body = pin.Inertia(m.mass[i], m.centre[i], m.inertia[i])

@@ -150,7 +150,7 @@ def test_energy_is_kept_over_ten_seconds(name):
     machine = made(name)
     m, w = boxed = machine.boxed()
     q = m.home[m.actuated]
-    v = np.random.default_rng(7).normal(size=machine.n) * m.length ** (m.kind[m.actuated] == 1)
+    v = np.random.default_rng(7).normal(size=machine.n) * m.length ** (m.turns[m.actuated] == 0.0)
     M, _, force = model_at(boxed, q, 0.0 * q)
     spring = np.array([60.0 * np.diag(M), q, force])
 

@@ -16,7 +16,6 @@ from parallel_robot_model.mechanisms.mechanism import (
     NOT_CLOSED,
     NOT_FINITE,
     SINGULAR,
-    SLIDE,
 )
 from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion, tool_pose
@@ -264,7 +263,7 @@ def geometric(machine, w):
         mujoco.mj_forward(machine.model, data)
         twist = np.zeros(6)
         mujoco.mj_objectVelocity(machine.model, data, kind, site, twist, 0)
-        scale = m.length if m.kind[m.actuated[j]] == SLIDE else 1.0
+        scale = m.length if m.turns[m.actuated[j]] == 0.0 else 1.0
         columns.append(scale * np.concatenate([twist[3:] / m.length, twist[:3]]))
     found = np.transpose(columns)[m.coordinate]
     if np.count_nonzero(m.coordinate >= 3) == 2:  # then rates of the rotation vector count

@@ -8,7 +8,7 @@ from reading import Evaluated, InMujoco, made, read
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.configuration import config_files
 from parallel_robot_model.mechanisms.description import mjcf_fields
-from parallel_robot_model.mechanisms.description.parts import BALL, SLIDE
+from parallel_robot_model.mechanisms.joint_kinds import BALL, SLIDE
 
 RNG = np.random.default_rng(3)
 NEW = int(mujoco.__version__.split('.')[0]) >= 4  # polynomials, rotors and delays of actuators

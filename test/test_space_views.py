@@ -27,8 +27,9 @@ from parallel_robot.live.frames import HEADER, Camera
 from parallel_robot.live.frames import Motion as States
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.mechanisms.description.machine import machine, read
+from parallel_robot_model.mechanisms.joint_kinds import HINGE, SLIDE
 from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
-from parallel_robot_model.robots.link import SLIDES, TURNS, frames
+from parallel_robot_model.robots.link import frames
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure
@@ -387,7 +388,7 @@ def test_lengths_of_legs_are_no_angles(hexapod):
     posture = posture_of(values)
     kinds = {link.joint: link.kind for link in posture.links}
     legs = list(values['joints'])
-    assert {kinds[name] for name in legs} == {SLIDES} and TURNS in kinds.values()
+    assert {kinds[name] for name in legs} == {SLIDE} and HINGE in kinds.values()
     joints = joints_near_home(model, 1)[0]
     found = dict(zip(posture.joints, posture.add_state(0, joints)[posture.moving], strict=True))
     assert [found[name] for name in legs] == pytest.approx(joints, abs=1e-15)

@@ -16,7 +16,7 @@ from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms import closing, dynamics, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.skeleton import drawn
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Coordinate
@@ -95,12 +95,12 @@ class Facts(NamedTuple):
             {
                 'name': name,
                 'parent': None if parent == BASE else machine.names[parent],
-                'kind': 'slide' if kind == SLIDE else 'hinge',
+                'kind': 'hinge' if turns else 'slide',
                 'role': role[name],
                 'mass': float(mass),
             }
-            for name, parent, kind, mass in zip(
-                machine.names, value.parent, value.kind, value.mass, strict=True
+            for name, parent, turns, mass in zip(
+                machine.names, value.parent, value.turns, value.mass, strict=True
             )
         ]
 

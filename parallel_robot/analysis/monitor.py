@@ -17,8 +17,8 @@ from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.configuration.fields import Field, known
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
+from parallel_robot_model.mechanisms.joint_kinds import FIXED
 from parallel_robot_model.messages.topics import DEPTH, MARKERS_EVERY
-from parallel_robot_model.robots.link import FIXED
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_model.robots.tree import angles_of, beside_of, links_of, needs_pose, urdf

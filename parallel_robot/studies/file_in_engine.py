@@ -22,7 +22,7 @@ from parallel_robot_model.mechanisms.description.machine import Machine, parsed
 from parallel_robot_model.mechanisms.description.parts import Frame, null_space
 from parallel_robot_model.mechanisms.description.tree import Tree, build, place
 from parallel_robot_model.mechanisms.dynamics import model
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, SLIDE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.registry import RobotModel
 
@@ -176,11 +176,11 @@ def _limits(made: Machine, engine: Any) -> Iterator[Compared]:
         alone = (acting.ratio[:, i] != 0.0) & (np.count_nonzero(acting.ratio, axis=1) == 1)
         ends = acting.travel[alone]
         here[made.names[i]] = ends[:, 0].max(initial=-np.inf), ends[:, 1].min(initial=np.inf)
-    kinds = dict(zip(made.names, made.mechanism.kind, strict=True))
+    turns = dict(zip(made.names, made.mechanism.turns, strict=True))
     for joint, ours in here.items():
         if joint not in engine.joints:  # a hinge of a ball, a slide of a free body
             continue
-        slides = int(kinds[joint] == SLIDE)
+        slides = int(turns[joint] == 0.0)
         for what, one, other in zip(whats, ours, engine.limits(joint), strict=False):
             units = ('N m', 'N') if 'effort' in what else ('rad', 'm')
             size = max((abs(x) for x in (one, other) if np.isfinite(x)), default=1.0) or 1.0

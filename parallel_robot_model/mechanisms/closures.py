@@ -9,7 +9,6 @@ from parallel_robot_model.compiler import cross, dot, inner, kernel, vector
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
-    HINGE,
     NO_COORDINATE,
     POINT,
     Index,
@@ -46,7 +45,8 @@ def place(mechanism: Mechanism, workspace: Workspace) -> None:
     What would be multiplied by ones and zeros is left out: frames of joints mostly have the
     directions of that before, or its origin, and an axis is mostly a coordinate axis.
     """
-    parent, kind, along = mechanism.parent, mechanism.kind, workspace.layout.along
+    parent, along = mechanism.parent, workspace.layout.along
+    turns, slides = mechanism.turns, mechanism.slides
     parallel, concentric = workspace.layout.parallel, workspace.layout.concentric
     rotation, origin, S = workspace.rotation, workspace.origin, workspace.S
     for i in range(len(parent)):
@@ -67,17 +67,17 @@ def place(mechanism: Mechanism, workspace: Workspace) -> None:
             axis = matrix(rotation[i]) @ triple(mechanism.axis, i)
         else:
             axis = column(rotation[i], k)
-        if kind[i] != HINGE:
-            offset = offset + position * axis
+        if slides[i] != 0.0:
+            offset = offset + slides[i] * position * axis
             put(S, i, 0, nothing())
-            put(S, i, 3, axis)
-        else:
+            put(S, i, 3, slides[i] * axis)
+        if turns[i] != 0.0:
             if k == NO_COORDINATE:
-                _turn(rotation, i, triple(mechanism.axis, i), position)
+                _turn(rotation, i, triple(mechanism.axis, i), turns[i] * position)
             else:
-                _turn_coordinates(rotation, i, k, position)
-            put(S, i, 0, axis)
-            put(S, i, 3, cross(offset, axis))
+                _turn_coordinates(rotation, i, k, turns[i] * position)
+            put(S, i, 0, turns[i] * axis)
+            put(S, i, 3, turns[i] * cross(offset, axis) + slides[i] * axis)
         put(origin, i, 0, offset)
 
 

@@ -25,7 +25,6 @@ NOT_FINITE = 3  # a position is not a number
 
 Index = NDArray[np.int64]
 
-HINGE, SLIDE = 0, 1  # kinds of joints
 POINT, TURN, COUPLING = 0, 1, 2  # kinds of closures
 WHOLE, LAST, FIRST = 0, 1, 2  # parts of the rotor of a ball
 BASE = -1  # in place of a joint: what does not move
@@ -64,7 +63,10 @@ class Mechanism(NamedTuple):
     """
 
     parent: Index  # the joint before on the chain, or BASE, shape (N,)
-    kind: Index  # HINGE or SLIDE, shape (N,)
+    # rad that a joint turns about its axis by unit of its position; 0: that is a length, shape
+    # (N,)
+    turns: Array
+    slides: Array  # m that it slides along its axis likewise, shape (N,)
     # frame of the joint at position zero, seen from that of its parent, shape (N, 3, 3)
     rotation: Array
     origin: Array  # its origin in the frame of the parent [m], shape (N, 3)
@@ -140,7 +142,7 @@ class Layout(NamedTuple):
 def layout(mechanism: Mechanism) -> Layout:
     """Tables of a mechanism."""
     m = mechanism
-    slides = m.kind == SLIDE
+    slides = m.turns == 0.0
     scale = np.where(slides, m.length, 1.0)
     passive = m.passive[np.argsort(_closures_on(m)[m.passive], kind='stable')]
     column = np.full(len(m.parent), HELD)

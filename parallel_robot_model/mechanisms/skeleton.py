@@ -12,7 +12,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.mechanisms.closing import close, go_back
 from parallel_robot_model.mechanisms.closures import place
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, SLIDE, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.spatial import copy, copy_matrix
 from parallel_robot_model.mechanisms.workspace import PLACED, Workspace, boxed
 
@@ -88,7 +88,7 @@ def lines(mechanism: Mechanism) -> tuple[Line, ...]:
     carried[int(mechanism.tool)].append(mechanism.tool_point)
     slides = [
         (int(i), int(mechanism.parent[i]), mechanism.origin[i])
-        for i in np.flatnonzero((mechanism.kind == SLIDE) & (mechanism.parent != BASE))
+        for i in np.flatnonzero((mechanism.slides != 0.0) & (mechanism.parent != BASE))
     ]
     at_end = {
         (link, point.tobytes()): slide

@@ -6,7 +6,7 @@ import math
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import cross, inner, kernel, vector
-from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     bending,
     clear,
@@ -131,9 +131,9 @@ def follow(mechanism: Mechanism, workspace: Workspace) -> bool:
     if turns == 0:
         return True
     turned = 0.0
-    for i in range(len(mechanism.kind)):
-        if workspace.layout.carries[i] and mechanism.kind[i] == HINGE:
-            turned += abs(workspace.trial[i] - workspace.here[i])
+    for i in range(len(mechanism.turns)):
+        if workspace.layout.carries[i]:
+            turned += abs(mechanism.turns[i] * (workspace.trial[i] - workspace.here[i]))
     if not turned < math.pi:
         return False
     place_tool(mechanism, workspace)

@@ -9,14 +9,14 @@ import numpy as np
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.description.parts import HINGE, WORLD, Joint
+from parallel_robot_model.mechanisms.description.parts import WORLD, Joint
+from parallel_robot_model.mechanisms.joint_kinds import HINGE, JointKind
 from parallel_robot_model.mechanisms.spatial import quaternion_product
 
 Point = tuple[float, ...]  # x, y, and z where that is not zero [m]
 Moments = tuple[float, float, float, float, float, float]
 IDLE = Joint('', WORLD, HINGE, np.array([0.0, 0.0, 1.0]))  # nothing acts in it
 ENDLESS = (-1e3, 1e3)  # rad or m, ends of travel that are none
-TURNS, SLIDES, FIXED = 'continuous', 'prismatic', 'fixed'  # kinds of joints, as URDF calls them
 
 
 class Link(NamedTuple):
@@ -37,7 +37,7 @@ class Link(NamedTuple):
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     # axis of the joint in its own frame, a unit vector
     axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
-    kind: str = TURNS  # TURNS, SLIDES or FIXED
+    kind: JointKind = HINGE  # of one freedom or none
     travel: tuple[float, float] = ENDLESS  # ends of travel [rad or m]
     acting: Joint = IDLE  # its friction, limits, rotor and spring
     follows: tuple[str, float, float] | None = None  # another joint, the ratio, the offset
@@ -80,11 +80,10 @@ def frames(links: Sequence[Link], positions: Array) -> tuple[Array, Array]:
     origins = np.array([in_space(link.origin) for link in links]).reshape(-1, 3)
     rotations = np.array([link.rotation for link in links]).reshape(-1, 4)
     axes = np.array([link.axis for link in links]).reshape(-1, 3)
-    slides = np.array([link.kind == SLIDES for link in links], bool)
-    turns = np.array([link.kind == TURNS for link in links], bool)
-    half = np.where(turns, positions, 0.0) / 2.0
+    slides = np.array([link.kind.slides for link in links])
+    half = np.array([link.kind.turns for link in links]) * positions / 2.0
     turned = np.concatenate([axes * np.sin(half)[:, np.newaxis], np.cos(half)[:, np.newaxis]], 1)
-    shift = axes * np.where(slides, positions, 0.0)[:, np.newaxis]
+    shift = axes * (slides * positions)[:, np.newaxis]
     return origins + _rotated(rotations, shift), quaternion_product(rotations, turned)
 
 

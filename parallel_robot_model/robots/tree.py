@@ -20,11 +20,10 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.mechanisms.joint_kinds import FIXED, HINGE
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.link import (
     ENDLESS,
-    FIXED,
-    TURNS,
     Beside,
     Closure,
     Link,
@@ -64,7 +63,7 @@ def angles_of(robot: RobotModel, links: Sequence[Link], pose: Array, position: A
     fixed = np.zeros((*angles.shape[:-1], len(links) - angles.shape[-1]))
     angles = np.concatenate([angles, fixed], axis=-1)
     turned = np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
-    return np.where([link.kind == TURNS for link in links], turned, angles)
+    return np.where([link.kind.turns != 0.0 for link in links], turned, angles)
 
 
 def needs_pose(robot: RobotModel) -> bool:
@@ -164,10 +163,8 @@ def _moments(link: Link) -> dict[str, str]:
 
 def _add_joint(robot: Element, link: Link) -> None:
     acting, ends = link.acting, link.travel
-    turns = 'revolute' if min(map(abs, ends)) < ENDLESS[1] else TURNS
-    joint = SubElement(
-        robot, 'joint', name=link.joint, type=turns if link.kind == TURNS else link.kind
-    )
+    called = link.kind.urdf[min(map(abs, ends)) < ENDLESS[1]]
+    joint = SubElement(robot, 'joint', name=link.joint, type=called)
     SubElement(joint, 'parent', link=link.parent)
     SubElement(joint, 'child', link=link.name)
     _add_origin(joint, link.origin, _angles(link.rotation))
@@ -176,9 +173,9 @@ def _add_joint(robot: Element, link: Link) -> None:
     SubElement(joint, 'axis', xyz=_text(*link.axis))
     limits = {'effort': acting.effort[1], 'velocity': acting.velocity}
     limit = {key: _text(value) if math.isfinite(value) else '0' for key, value in limits.items()}
-    if joint.get('type') != TURNS:
+    if called != HINGE.urdf[0]:
         limit |= {'lower': _text(ends[0]), 'upper': _text(ends[1])}
-    if joint.get('type') != TURNS or limit['effort'] != '0' or limit['velocity'] != '0':
+    if called != HINGE.urdf[0] or limit['effort'] != '0' or limit['velocity'] != '0':
         SubElement(joint, 'limit', limit)
     damping, stiffness = sum(acting.damping[:1]), sum(acting.stiffness[:1])
     if damping or acting.coulomb:

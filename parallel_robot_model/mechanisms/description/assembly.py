@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.errors import UnknownNameError, printable
 from parallel_robot_model.common.units import Array, rounded
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
     UNLIMITED,
     WORLD,
     Description,
@@ -36,10 +35,8 @@ from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
     FIRST,
-    HINGE,
     LAST,
     POINT,
-    SLIDE,
     TURN,
     WHOLE,
     Elements,
@@ -221,7 +218,7 @@ class Assembly(NamedTuple):
     @property
     def steps(self) -> Array:
         """What moves points of the machine by about its length, by joint, shape (N,)."""
-        return np.array([1.0 if link.kind == HINGE else self.length for link in self.tree.links])
+        return np.array([1.0 if link.kind.turns else self.length for link in self.tree.links])
 
 
 # The tool of a machine whose user named none.
@@ -349,7 +346,7 @@ def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
         motion = np.zeros((len(links), null.shape[1]))
         motion[free] = null
     for i, link in enumerate(links):
-        if link.joint.kind != BALL or not link.joint.armature or not link.name.endswith(AXES[0]):
+        if link.joint.kind.single or not link.joint.armature or not link.name.endswith(AXES[0]):
             continue
         if rank(motion[i : i + 3]) == 1:
             spin = np.linalg.svd(motion[i : i + 3])[0][:, 0]
@@ -374,10 +371,10 @@ def assembled(description: Description, tree: Tree, at: Posture) -> Assembly:
         at: Positions of its joints.
     """
     closing = equations(description, tree)
-    values = (0.0 if link.joint.kind == BALL else at[link.joint.name] for link in tree.links)
+    values = (at[link.joint.name] if link.joint.kind.single else 0.0 for link in tree.links)
     home = np.array([value for value in values if not isinstance(value, tuple)])
     length = _length(tree, closing, home)
-    slides = [e.kind == COUPLING and tree.links[e.first.body].kind == SLIDE for e in closing]
+    slides = [e.kind == COUPLING and not tree.links[e.first.body].kind.turns for e in closing]
     lengths = (slide or e.kind == POINT for slide, e in zip(slides, closing, strict=True))
     unit = [1.0 if each else 1.0 / length for each in lengths]
     return Assembly(tree, closing, Tool('', Frame(BASE)), home, length, np.array(unit))
@@ -387,7 +384,7 @@ def rebased(parts: Assembly, closed: Array) -> Assembly:
     """The same at home in a posture, where all balls are at zero, their hinges orthogonal."""
     links, home = list(parts.tree.links), closed.copy()
     for i, link in enumerate(links):
-        if link.joint.kind == BALL and link.name.endswith(AXES[0]):
+        if not link.joint.kind.single and link.name.endswith(AXES[0]):
             turned = link.rotation
             for step in range(3):
                 turned = turned @ turn(links[i + step].axis, closed[i + step])
@@ -422,14 +419,15 @@ def as_mechanism(
     ]
     return Mechanism(
         parent=_index(link.parent for link in links),
-        kind=_index(link.kind for link in links),
+        turns=_array(link.kind.turns for link in links),
+        slides=_array(link.kind.slides for link in links),
         rotation=_array((link.rotation for link in links), 3, 3),
         origin=_array((link.origin for link in links), 3),
         axis=_array((link.axis for link in links), 3),
         mass=inertia.mass,
         centre=inertia.centre,
         inertia=inertia.inertia,
-        armature=_array(0.0 if link.joint.kind == BALL else link.joint.armature for link in links),
+        armature=_array(link.joint.armature if link.joint.kind.single else 0.0 for link in links),
         gravity=np.array(description.gravity, dtype=float),
         elements=_elements(description, parts, freedoms, factor),
         closure=_index(e.kind for e in chosen),
@@ -460,7 +458,7 @@ def _elements(
     links, N = parts.tree.links, len(parts.tree.links)
     tendons = [
         *(_own(link.joint, i in freedoms.actuated) for i, link in enumerate(links)
-          if i not in freedoms.held and link.joint.kind != BALL),
+          if i not in freedoms.held and link.joint.kind.single),
         *description.tendons,
     ]  # fmt: skip
     tendons = [each for each in tendons if _acts(each)]
@@ -474,7 +472,7 @@ def _elements(
         found.damping[k, : len(tendon.damping)] = tendon.damping
         found.travel[k] = tendon.lower, tendon.upper
     for i, link in enumerate(links):
-        if link.joint.kind == BALL and link.name.endswith(AXES[-1]):
+        if not link.joint.kind.single and link.name.endswith(AXES[-1]):
             rotor, other = link.joint.armature, links[i - 2].parent
             found.ball[i, link.spins] = rotor
             if link.spins == FIRST and other != BASE and links[other].spins == LAST:

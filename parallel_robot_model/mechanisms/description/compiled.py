@@ -21,14 +21,12 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.robot_file import MOST_BYTES
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
-    HINGE,
-    SLIDE,
     WORLD,
     Description,
     Frame,
     leaves,
 )
+from parallel_robot_model.mechanisms.joint_kinds import KINDS, JointKind
 
 SQUARE = '.rotation', '.inertia'  # arrays of shape (3, 3), others are of shape (3,)
 ORTHOGONAL = 1e-6  # by which axes and rotations may miss their unit length
@@ -91,6 +89,8 @@ def _hash(text: str) -> str:
 
 def _plain(value: Any) -> Any:
     """A value as JSON can say it."""
+    if isinstance(value, JointKind):
+        return value.name
     if hasattr(value, '_asdict'):
         value = value._asdict()
     if isinstance(value, dict):
@@ -107,6 +107,8 @@ def _typed(value: Any, kind: Any, where: str) -> Any:
     origin, arguments = get_origin(kind), get_args(kind)
     if origin is types.UnionType:
         return _typed(value, arguments[isinstance(value, list)], where)
+    if kind is JointKind:
+        return KINDS.get(str(value))
     if hasattr(kind, '_fields'):
         if not isinstance(value, dict) or value.keys() != set(kind._fields):
             raise ValueError(f'{where} must have {", ".join(kind._fields)}')
@@ -138,7 +140,7 @@ def _wrong(description: Description) -> Iterator[str]:
         if not WORLD <= body.parent < i:
             yield f'body {body.name!r} has no parent before it'
     for joint in description.joints:
-        if not 0 <= joint.body < bodies or joint.kind not in (HINGE, SLIDE, BALL):
+        if not 0 <= joint.body < bodies or not joint.kind:
             yield f'joint {joint.name!r} has no body or kind'
         if abs(np.linalg.norm(joint.axis) - 1.0) > ORTHOGONAL:
             yield f'joint {joint.name!r} has an axis that is no unit vector'

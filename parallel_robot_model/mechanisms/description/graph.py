@@ -17,10 +17,7 @@ from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.robot_file import IDLE, TEXT, Node, children, refused
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
-    HINGE,
     INFINITY,
-    SLIDE,
     WORLD,
     Body,
     Coupling,
@@ -32,6 +29,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import joined
+from parallel_robot_model.mechanisms.joint_kinds import OF_FILES
 
 # Numbers, vectors and frames in the attributes (URDF) and elements (SDF) of XML.
 
@@ -200,12 +198,6 @@ def _near(word: str, asked: Collection[str]) -> str:
 
 ROUNDED = 1e-3  # by which the length of a quaternion may differ from one
 AXES = np.eye(3)
-KINDS: dict[str, tuple[str, ...]] = {  # of joints, and what they are made of
-    'revolute': (HINGE,), 'continuous': (HINGE,), 'prismatic': (SLIDE,), 'fixed': (), 'link': (),
-    'ball': (BALL,), 'spherical': (BALL,), 'universal': (HINGE, HINGE),
-    'revolute2': (HINGE, HINGE), 'planar': (SLIDE, SLIDE, HINGE),
-    'floating': (SLIDE, SLIDE, SLIDE, BALL),
-}  # fmt: skip
 ENDINGS = (), ('',), ('.1', '.2'), ('.px', '.py', ''), ('.px', '.py', '.pz', '')  # of names
 
 
@@ -248,16 +240,16 @@ def link(
 
 def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
     """The hinges, slides and balls of a joint."""
-    if kind not in KINDS:
-        known = ', '.join(KINDS)
+    if kind not in OF_FILES:
+        known = ', '.join(OF_FILES)
         raise refused(node, f'is of an unknown type {printable(kind)!r} (known: {known})')
-    kinds = KINDS[kind]
+    kinds = OF_FILES[kind]
     if kind == 'planar' and len(axes):
         normal = unit(node, axes[0])
         second = np.cross(normal, AXES[np.argmin(np.abs(normal))])
         second /= np.linalg.norm(second)
         axes = np.cross(second, normal), second, normal
-    if kinds[-1:] == (BALL,):
+    if kinds and not kinds[-1].single:
         axes = [*AXES[: len(kinds) - 1], AXES[2]]
     if len(axes) < len(kinds):
         raise refused(node, 'has one axis, and needs two' if len(axes) else 'has no axis')
@@ -299,7 +291,7 @@ def followers(joints: dict[str, Node], text: Text) -> list[Coupling]:
         mimic, how = child(node if text is of_attribute else child(node, 'axis'), 'mimic'), text
         if mimic is None:
             mimic, how = child(node, 'drake:mimic'), of_attribute
-        if mimic is None or not KINDS.get(node.get('type')):
+        if mimic is None or not OF_FILES.get(node.get('type')):
             continue
         other = attribute(mimic, 'joint')
         if other not in joints or other == name:
@@ -316,7 +308,7 @@ def check_held(description: Description, edges: Sequence[Edge]) -> None:
     held = held_by_loops(description)
     for edge in edges:
         if len(edge.steps) > 2 and description.frames[edge.child].body not in held:
-            what = 'floats' if edge.steps[-1].kind == BALL else 'slides in a plane'
+            what = 'floats' if not edge.steps[-1].kind.single else 'slides in a plane'
             raise refused(
                 edge.node, f'{what}, and no loop holds it; a robot must be fixed to the world'
             )
@@ -411,12 +403,12 @@ class _Growing:
         first = joined(self.frames[edge.parent], edge.at)
         second = joined(self.frames[edge.child], edge.back)
         steps, last = edge.steps[:-1], edge.steps[-1:]
-        if edge.name in driven or (last and last[0].kind == SLIDE):
+        if edge.name in driven or (last and last[0].kind.slides):
             steps, last = edge.steps, ()
         if steps:  # what the loop cannot say is a joint of a body without mass
             own = Body(f'{edge.name} (end)', WORLD, np.eye(3), np.zeros(3))
             first = self.carry(own, edge._replace(back=Frame(WORLD), steps=steps))
-        if last and last[0].kind == HINGE:
+        if last and last[0].kind.single:
             for arm in (np.zeros(3), LEVER * last[0].axis):
                 lever = Frame(WORLD, position=arm)
                 ends = joined(first, lever), joined(second, lever)

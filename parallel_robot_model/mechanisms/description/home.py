@@ -10,14 +10,12 @@ from parallel_robot_model.common.errors import InputError, UnknownNameError, pri
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.assembly import Assembly, jacobian, residuals
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
     LARGEST_NUMBER,
     Description,
     listed,
     rank,
 )
 from parallel_robot_model.mechanisms.description.tree import Freedoms, Posture, place
-from parallel_robot_model.mechanisms.mechanism import HINGE
 
 NAME = 'home'  # of the keyframe that is taken if none is named
 MET = 1e-5  # what closures that contradict each other may leave open, relative to the length
@@ -43,7 +41,7 @@ def posture(description: Description, home: str | Mapping[str, float]) -> Postur
     """
     known = description.keyframes
     zero: dict[str, float | tuple[float, ...]] = {
-        joint.name: joint.zero for joint in description.joints if joint.kind != BALL
+        joint.name: joint.zero for joint in description.joints if joint.kind.single
     }
     if isinstance(home, str) and '=' not in home:
         name = home or NAME
@@ -245,7 +243,7 @@ def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) ->
     if none := [links[i].name for i, (lower, upper) in ends.items() if lower >= upper]:
         yield f'travel without an extent is taken for none: {listed(none)}'
     yield from _of_units(parts, ends)
-    single = [i for i in freedoms.passive if links[i].joint.kind != BALL]
+    single = [i for i in freedoms.passive if links[i].joint.kind.single]
     ends |= {i: (links[i].joint.lower, links[i].joint.upper) for i in single}
     out = [
         f'{links[i].name} at {parts.home[i]:.4g}'
@@ -262,7 +260,7 @@ def _of_units(parts: Assembly, ends: Mapping[int, tuple[float, float]]) -> Itera
         link, end = parts.tree.links[i], max(travel, key=abs)
         (least, most), unit, other, size = (
             (DEGREES, 'rad', 'degrees', np.pi / 180.0)
-            if link.kind == HINGE
+            if link.kind.turns
             else (MILLIMETRES, 'm', 'mm', 1e-3)
         )
         if least < abs(end) <= most:
@@ -276,7 +274,7 @@ def _of_home(start: Assembly, closed: Array, parts: Assembly) -> Iterator[str]:
     """By how much home was closed, and what stays open."""
     if start.gap(start.home) > TOLD * parts.length:
         moved = np.abs(closed - start.home)
-        turning = np.array([link.kind == HINGE for link in parts.tree.links])
+        turning = np.array([link.kind.turns != 0.0 for link in parts.tree.links])
         motions = (
             f'up to {moved[of].max():.3g} {unit}'
             for of, unit in ((turning, 'rad'), (~turning, 'm'))

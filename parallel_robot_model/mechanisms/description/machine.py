@@ -34,8 +34,6 @@ from parallel_robot_model.mechanisms.description.home import (
     told,
 )
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
-    SLIDE,
     Body,
     Description,
     Frame,
@@ -55,7 +53,8 @@ from parallel_robot_model.mechanisms.description.tree import (
     followed,
     place,
 )
-from parallel_robot_model.mechanisms.mechanism import BASE, HINGE, Mechanism
+from parallel_robot_model.mechanisms.joint_kinds import SLIDE
+from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 
 # Masses of the links of a tree: merged from bodies, checked, and felt at the actuated joints.
 
@@ -222,7 +221,7 @@ def _weak(parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array)
     for i, load in zip(freedoms.actuated, held, strict=True):
         limit = links[i].joint.effort[int(load > 0.0)]
         if abs(load) > abs(limit) or (load > 0.0) == (limit < 0.0):
-            unit = 'N m' if links[i].kind == HINGE else 'N'
+            unit = links[i].kind.units.of('N m')
             yield (
                 f'gravity takes {abs(load):.4g} {unit} at {printable(links[i].name)} at home, '
                 f'above its limit, {abs(limit):.4g} {unit}'
@@ -344,7 +343,7 @@ def machine(
         actuated=tuple(names[i] for i in freedoms.actuated),
         passive=tuple(names[i] for i in freedoms.passive),
         held=tuple(names[i] for i in freedoms.held),
-        units=tuple('rad' if links[i].kind == HINGE else 'm' for i in freedoms.actuated),
+        units=tuple(links[i].kind.units.of('rad') for i in freedoms.actuated),
         viscous=tuple(sum(joint.damping[:1]) for joint in joints),
         coulomb=tuple(joint.coulomb for joint in joints),
         lag=tuple(max((motor.lag for motor in own), default=0.0) for own in motors),
@@ -400,7 +399,7 @@ def _by_file(description: Description) -> Sequence[str]:
     if description.actuators:
         return tuple(dict.fromkeys(actuator.joint for actuator in description.actuators))
     bound = {coupling.joint for coupling in description.couplings} | _floats(description)
-    single = (joint.name for joint in description.joints if joint.kind != BALL)
+    single = (joint.name for joint in description.joints if joint.kind.single)
     movable = [name for name in single if name not in bound]
     if description.loops:
         raise InputError(
@@ -427,7 +426,7 @@ def _indices(names: tuple[str, ...], wanted: Sequence[str], description: Descrip
 def _floats(description: Description) -> set[str]:
     """Names of the slides of bodies that float."""
     slides = {joint.name for joint in description.joints if joint.kind == SLIDE}
-    balls = [slides_of(joint.name) for joint in description.joints if joint.kind == BALL]
+    balls = [slides_of(joint.name) for joint in description.joints if not joint.kind.single]
     return {name for names in balls if slides.issuperset(names) for name in names}
 
 
@@ -444,7 +443,7 @@ def _check_floating(description: Description) -> None:
 
 def _check_names(description: Description) -> None:
     """Refuse couplings of joints that do not exist, or are balls."""
-    known = {joint.name for joint in description.joints if joint.kind != BALL}
+    known = {joint.name for joint in description.joints if joint.kind.single}
     for coupling in description.couplings:
         for name in filter(None, (coupling.joint, coupling.other)):
             if name not in known:

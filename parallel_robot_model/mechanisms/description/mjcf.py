@@ -17,9 +17,6 @@ from parallel_robot_model.configuration import robot_file
 from parallel_robot_model.configuration.robot_file import Node, children, refused
 from parallel_robot_model.mechanisms.description.mjcf_fields import unread
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
-    HINGE,
-    SLIDE,
     UNLIMITED,
     WORLD,
     Actuator,
@@ -36,6 +33,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     listed,
     slides_of,
 )
+from parallel_robot_model.mechanisms.joint_kinds import BALL, KINDS, SLIDE, JointKind
 
 # MJCF before MuJoCo compiles it: nothing that needs files, nothing that fills the memory.
 
@@ -294,7 +292,7 @@ class _Reading:
             first, many = int(model.tendon_adr[target]), int(model.tendon_num[target])
             if many == 1:
                 joint, gear = int(model.wrap_objid[first]), gear * float(model.wrap_prm[first])
-        if joint >= 0 and self._kind(joint) not in (HINGE, SLIDE):
+        if joint >= 0 and not self._is_single(joint):
             joint = -1
         rotor = _value(model, 'actuator_armature', index)
         if rotor and joint < 0 and tendon < 0:
@@ -355,9 +353,9 @@ class _Reading:
 
     def _of_balls(self) -> Iterator[str]:
         """Springs, dampers and limits of balls and of bodies that float."""
-        model, single = self._model, (HINGE, SLIDE)
+        model = self._model
         for i in range(model.njnt):
-            if self._kind(i) in single:
+            if self._is_single(i):
                 continue
             dof = model.jnt_dofadr[i]
             found = {
@@ -394,12 +392,15 @@ class _Reading:
             lifted=float(model.body_gravcomp[index]),
         )
 
-    def _kind(self, index: int) -> str:
-        """Kind of a joint; that of a body that floats is empty."""
-        kinds = self._mujoco.mjtJoint
-        return {kinds.mjJNT_HINGE: HINGE, kinds.mjJNT_SLIDE: SLIDE, kinds.mjJNT_BALL: BALL}.get(
-            int(self._model.jnt_type[index]), ''
-        )
+    def _kind(self, index: int) -> JointKind | None:
+        """Kind of a joint; None of a body that floats."""
+        name = self._mujoco.mjtJoint(self._model.jnt_type[index]).name
+        return KINDS.get(name.removeprefix('mjJNT_').lower())
+
+    def _is_single(self, index: int) -> bool:
+        """Whether a joint has one freedom."""
+        kind = self._kind(index)
+        return kind is not None and kind.single
 
     def _joint(self, index: int) -> Iterator[Joint]:
         model, name, kind = self._model, self._joints[index], self._kind(index)
@@ -411,7 +412,7 @@ class _Reading:
                 yield Joint(slide, body, SLIDE, axis)
             yield Joint(name, body, BALL, np.eye(3)[2])
             return
-        single = kind != BALL
+        single = kind.single
         limited, clamped = model.jnt_limited[index] and single, model.jnt_actfrclimited[index]
         lower, upper = model.jnt_range[index] if limited else UNLIMITED
         least, greatest = model.jnt_actfrcrange[index] if clamped else UNLIMITED
@@ -525,7 +526,7 @@ class _Reading:
         posture: dict[str, float | tuple[float, ...]] = {}
         for i, (name, place) in enumerate(zip(self._joints, model.jnt_qposadr, strict=True)):
             values, kind = model.key_qpos[index, place : place + 7], self._kind(i)
-            if kind in (HINGE, SLIDE):
+            if kind and kind.single:
                 posture[name] = float(values[0])
                 continue
             turned = values[:4]

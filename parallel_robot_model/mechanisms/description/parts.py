@@ -10,9 +10,9 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.mechanisms.joint_kinds import JointKind
 
 WORLD = -1  # in place of a body: what does not move
-HINGE, SLIDE, BALL = 'hinge', 'slide', 'ball'
 INFINITY = float('inf')
 Range = tuple[float, float]
 Polynomial = tuple[float, ...]
@@ -39,7 +39,7 @@ class Joint(NamedTuple):
 
     name: str  # its name, unique
     body: int  # index of the body that it moves
-    kind: str  # HINGE, SLIDE or BALL
+    kind: JointKind
     axis: Array  # a unit vector in the frame of the body, shape (3,)
     anchor: Array = np.zeros(3)  # a point on the axis in that frame [m], shape (3,)
     zero: float = 0.0  # its position where the frames of the bodies were read [rad or m]

@@ -14,8 +14,6 @@ from scipy.spatial.transform import Rotation
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
-    SLIDE,
     WORLD,
     Description,
     Frame,
@@ -26,9 +24,8 @@ from parallel_robot_model.mechanisms.description.parts import (
     null_space,
     rank,
 )
+from parallel_robot_model.mechanisms.joint_kinds import HINGE, JointKind
 from parallel_robot_model.mechanisms.mechanism import BASE
-from parallel_robot_model.mechanisms.mechanism import HINGE as TURNING
-from parallel_robot_model.mechanisms.mechanism import SLIDE as SLIDING
 
 AXES = 'xyz'
 
@@ -42,7 +39,7 @@ class Link(NamedTuple):
     joint: Joint  # the joint of the description
     body: int  # index of its body in the description
     parent: int  # index of the link before, or BASE
-    kind: int  # TURNING or SLIDING
+    kind: JointKind  # of one freedom
     rotation: Array  # frame at position zero, seen from the parent's, shape (3, 3)
     origin: Array  # its origin in the frame of the parent [m], shape (3,)
     axis: Array  # unit vector in its frame, shape (3,)
@@ -73,7 +70,8 @@ class Places(NamedTuple):
     position: Array  # their origins [m], shape (N, 3)
     axis: Array  # axes in the world, shape (N, 3)
     path: Array  # whether link j moves link i, shape (N, N)
-    turning: Array  # whether links turn, not slide, shape (N,)
+    turns: Array  # rad about the axes by unit of position, shape (N,)
+    slides: Array  # m along them likewise, shape (N,)
 
     def frame(self, frame: Frame) -> tuple[Array, Array]:
         """Rotation, shape (3, 3), and origin [m], shape (3,), of a frame of a link."""
@@ -88,9 +86,9 @@ class Places(NamedTuple):
             return np.zeros((3, len(self.axis))), np.zeros((3, len(self.axis)))
         moves = self.path[frame.body][:, None]
         arm = self.frame(frame)[1] - self.position
-        turning = self.turning[:, None]
-        rate = np.where(turning, np.cross(self.axis, arm), self.axis) * moves
-        return rate.T, np.where(turning, self.axis, 0.0).T * moves.T
+        turns, slides = self.turns[:, None], self.slides[:, None]
+        rate = (turns * np.cross(self.axis, arm) + slides * self.axis) * moves
+        return rate.T, (turns * self.axis).T * moves.T
 
 
 def joined(first: Frame, second: Frame) -> Frame:
@@ -130,16 +128,14 @@ def _add(links: list[Link], body: int, joint: Joint, frame: Frame, value: object
     """Append the links of a joint that moves a frame; return the frame on the last of them."""
     at = joined(frame, Frame(WORLD, position=joint.anchor))
     rotation, origin = at.rotation, at.position
-    if joint.kind == BALL:
+    if joint.kind.single:
+        origin = origin - rotation @ joint.axis * (joint.kind.slides * joint.zero)
+        rotation = rotation @ turn(joint.axis, -joint.kind.turns * joint.zero)
+        steps = [(joint.name, joint.kind, joint.axis)]
+    else:
         if isinstance(value, tuple):
             rotation = rotation @ Rotation.from_quat(value, scalar_first=True).as_matrix()
-        steps = [(f'{joint.name}.{AXES[i]}', TURNING, np.eye(3)[i]) for i in range(3)]
-    elif joint.kind == SLIDE:
-        origin = origin - rotation @ joint.axis * joint.zero
-        steps = [(joint.name, SLIDING, joint.axis)]
-    else:
-        rotation = rotation @ turn(joint.axis, -joint.zero)
-        steps = [(joint.name, TURNING, joint.axis)]
+        steps = [(f'{joint.name}.{AXES[i]}', HINGE, np.eye(3)[i]) for i in range(3)]
     parent = frame.body
     for name, kind, axis in steps:
         links.append(Link(name, joint, body, parent, kind, rotation, origin, axis))
@@ -160,13 +156,14 @@ def place(tree: Tree, q: Array) -> Places:
         path[i, i] = True
         rotation[i] = before @ link.rotation
         position[i] = origin + before @ link.origin
-        if link.kind == SLIDING:
-            position[i] += rotation[i] @ link.axis * q[i]
-        else:
-            rotation[i] = rotation[i] @ turn(link.axis, q[i])
+        position[i] += rotation[i] @ link.axis * (link.kind.slides * q[i])
+        rotation[i] = rotation[i] @ turn(link.axis, link.kind.turns * q[i])
     axis = np.array([rotation[i] @ link.axis for i, link in enumerate(tree.links)])
-    turning = np.array([link.kind == TURNING for link in tree.links], dtype=bool)
-    return Places(rotation, position, axis.reshape(-1, 3), path, turning)
+    turns, slides = (
+        np.array([getattr(link.kind, each) for link in tree.links], np.float64)
+        for each in ('turns', 'slides')
+    )
+    return Places(rotation, position, axis.reshape(-1, 3), path, turns, slides)
 
 
 # Who drives a machine, who follows by its loops, and who is held.

@@ -14,7 +14,6 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.robot_file import TEXT, Node, children, refused
 from parallel_robot_model.mechanisms.description.graph import (
     AXES,
-    KINDS,
     ZERO,
     Edge,
     Notes,
@@ -42,7 +41,6 @@ from parallel_robot_model.mechanisms.description.graph import (
     vector,
 )
 from parallel_robot_model.mechanisms.description.parts import (
-    BALL,
     INFINITY,
     UNLIMITED,
     WORLD,
@@ -57,6 +55,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import joined
+from parallel_robot_model.mechanisms.joint_kinds import OF_FILES
 
 # What closes loops in URDF, of several authors.
 #
@@ -262,7 +261,7 @@ def _edge(
     at, kind = _origin(child(node, 'origin'), beside.notes), attribute(node, 'type')
     axes = [vector(child(node, 'axis'), 'xyz', X)]
     how = steps(node, kind, axes) if own is None else own
-    if len(how) == 1 and how[0].kind != BALL:
+    if len(how) == 1 and how[0].kind.single:
         how = (_limited(node, kind, how[0], beside),)
     elif not how:  # exporters write them of fixed joints, too
         for tag in ('limit', 'dynamics', 'safety_controller', 'mimic'):
@@ -407,7 +406,9 @@ def _actuators(robot: Node, joints: dict[str, Node], following: Collection[str])
     for node, name in named:
         if name not in joints:
             raise unknown(node, 'joint', name)
-    single = {name for name, node in joints.items() if len(KINDS.get(node.get('type'), ())) == 1}
+    single = {
+        name for name, node in joints.items() if len(OF_FILES.get(node.get('type'), ())) == 1
+    }
     names = dict.fromkeys(name for _, name in named if name in single and name not in following)
     return [Actuator(name, name) for name in names]
 
@@ -658,7 +659,7 @@ def _sdf_limited(step: Joint, name: str, axis: Node, kind: str, notes: Notes) ->
         hear(child(limit, key))
     lower = number(limit, 'lower', -INFINITY, of_element)
     upper = number(limit, 'upper', INFINITY, of_element)
-    if kind == 'continuous' or step.kind == BALL:
+    if kind == 'continuous' or not step.kind.single:
         lower, upper = UNLIMITED
     return step._replace(
         lower=lower if lower > -FAR_END else -INFINITY,

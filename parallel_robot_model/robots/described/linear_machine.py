@@ -25,7 +25,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions, model
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HINGE, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Bodies
 from parallel_robot_model.robots.described import bodies
@@ -77,8 +77,7 @@ class LinearMachine:
         keys = {f'm{axis}[{name}]': 'kg m' for name in names for axis in 'xyz'}
         yield keys, found.moment[links].ravel(), np.repeat(np.sqrt(size * mass), 3)
         yield {f'm[{name}]': 'kg' for name in names}, mass, mass
-        kinds = made.mechanism.kind
-        units = {i: 'kg m^2' if kinds[i] == HINGE else 'kg' for i in rotors}
+        units = {i: 'kg m^2' if made.mechanism.turns[i] else 'kg' for i in rotors}
         keys = {f'rotor[{printable(made.names[i])}]': unit for i, unit in units.items()}
         yield keys, found.armature[rotors], found.armature[rotors]
         share = dict.fromkeys(self._passive(robot), '')

@@ -11,7 +11,7 @@ from parallel_robot_model.common.errors import KinematicsError, RobotError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.closing import close
 from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, SLIDE, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.described.parameters import FAULTS
 
@@ -158,7 +158,8 @@ def with_slides(mechanism: Mechanism) -> Mechanism:
             begin += 3
     return mechanism._replace(
         parent=parent,
-        kind=spread(mechanism.kind, SLIDE),
+        turns=spread(mechanism.turns),
+        slides=spread(mechanism.slides, 1.0),
         rotation=spread(mechanism.rotation, np.eye(3)),
         origin=origin,
         axis=axis,

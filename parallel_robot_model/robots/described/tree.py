@@ -19,16 +19,14 @@ from parallel_robot_model.mechanisms.description.parts import (
     listed,
 )
 from parallel_robot_model.mechanisms.description.tree import Tree, build
-from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, SLIDE, TURN, Mechanism
+from parallel_robot_model.mechanisms.joint_kinds import FIXED
+from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, TURN, Mechanism
 from parallel_robot_model.mechanisms.skeleton import lines, positions_of
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.described.shifting import loops
 from parallel_robot_model.robots.link import (
     ENDLESS,
-    FIXED,
-    SLIDES,
-    TURNS,
     Beside,
     Closure,
     Link,
@@ -105,7 +103,7 @@ class DescribedTree:
                 lines=tuple(drawn[k]),
                 rotation=_quaternion(m.rotation[k]),
                 axis=_numbers(m.axis[k]),
-                kind=SLIDES if m.kind[k] == SLIDE else TURNS,
+                kind=tree.links[k].kind,
                 travel=ends.get(k, ENDLESS),
                 acting=acting[k],
                 follows=follows.get(k),
