@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Struct,
     arrays_of,
@@ -15,6 +16,7 @@ from parallel_robot_model.compiler import (
     vector,
     vectors_of,
     write_row,
+    zeros_of,
 )
 
 
@@ -133,3 +135,21 @@ def test_vectors_as_arrays_and_back_are_the_same(case):
 @pytest.mark.parametrize('value', ['text', [1.0], np.zeros(3, np.float32), (1.0, {})])
 def test_nothing_else_is_plain(value):
     assert plain_type(value) is None
+
+
+class Inner(NamedTuple):
+    rate: Array
+    steps: int
+
+
+class Outer(NamedTuple):
+    known: bool
+    size: float
+    inner: Inner
+
+
+def test_zeros_are_of_the_types_of_the_fields():
+    zero = vector(np.zeros(2))
+    begun = zeros_of(Outer, zero)
+    assert [type(each) for each in begun] == [bool, float, Inner]
+    assert begun.inner.rate is zero and type(begun.inner.steps) is int
