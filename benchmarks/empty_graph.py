@@ -60,7 +60,7 @@ class EmptyTrajectory(EmptyNode):
     def begin(self, stamp: int) -> None:
         super().begin(stamp)
         if not self.lockstep:
-            self.keep_time(self._tick, AHEAD)
+            self.start_timer(self._tick, AHEAD)
 
     def _tick(self, _: int) -> None:
         self._sent += 1
@@ -93,7 +93,7 @@ class EmptyPlant(EmptyNode):
         if self.lockstep:
             self._publish_state()
         else:
-            self.keep_time(self._tick)
+            self.start_timer(self._tick)
 
     def figures(self) -> dict[str, str]:
         figures = {STATE_INDEX: str(self._index)} if self._index >= 0 else {}

@@ -124,11 +124,15 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
         return tuple(_largest(rows[:steps], window) for window in windows)
 
     # 1. Who was told what, and when.
-    shown = (made.fault != faults.NONE) | (made.acted & (EFFORT | REFERENCE) > 0)
+    shown = (made.fault != faults.NONE) | (made.active_limits & (EFFORT | REFERENCE) > 0)
     when = np.flatnonzero(shown[begin:steps])
     told = float(when[0] * period) if when.size else None
     first = begin + int(when[0]) if when.size else 0
-    name = (code(made.fault[first]) or limit_codes(int(made.acted[first]))) if when.size else ''
+    name = (
+        (code(made.fault[first]) or limit_codes(int(made.active_limits[first])))
+        if when.size
+        else ''
+    )
     timeout = configuration.plant.command_timeout
     silent = hazard.what in {*UNTOLD, 'commands_lost', 'velocity_nan'} and hazard.lasts >= timeout
     if silent and (told is None or told > timeout):

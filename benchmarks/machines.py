@@ -23,7 +23,7 @@ from rows import Row, ratios, row, show
 import parallel_robot as pr
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.margins import margins
 

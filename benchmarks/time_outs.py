@@ -44,7 +44,7 @@ def astray(law: str, begin: float, gap: float, timeout: float) -> float:
         {'law': law, 'plant.command_timeout': timeout, 'safety.reference_timeout': 10.0},
     )
     controller, simulator = Controller(configure(values)), Simulator(configure_plant(values))
-    controller.begin(START)
+    controller.set_start(START)
     first, last = round(begin / PERIOD), round((begin + gap) / PERIOD)
     count = last + round(AFTER / PERIOD)
     motion = trajectory_of(values).sample(np.arange(count + 1) * PERIOD)

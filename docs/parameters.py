@@ -10,7 +10,7 @@ from parallel_robot.analysis.monitor import MonitorParameters
 from parallel_robot.bags.writing.ros_topics import RecorderParameters
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.fields import Parameter, parameters, words
+from parallel_robot_model.configuration.fields import Parameter, allowed_words, parameters
 from parallel_robot_model.robots import planar_3rrr
 from parallel_robot_model.robots.described.parameters import MotionLimits, SafetyMargins
 from parallel_robot_model.robots.described.parameters import Parameters as Described
@@ -97,7 +97,7 @@ def _limited(value: Any, parameter: Parameter) -> str:
 
 def _words(parameter: Parameter) -> tuple[str, ...]:
     literal = get_origin(parameter.type) is Literal
-    return get_args(parameter.type) if literal else words(parameter.type)
+    return get_args(parameter.type) if literal else allowed_words(parameter.type)
 
 
 def _plain(value: Any) -> str:

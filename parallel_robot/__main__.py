@@ -7,7 +7,11 @@ import signal
 import sys
 from functools import partial
 
-from parallel_robot_model.processes.ending_signals import Ended, end, ending_signals
+from parallel_robot_model.processes.termination_signals import (
+    Terminated,
+    terminate,
+    termination_signals,
+)
 
 STREAMS = {'stdin': 'r', 'stdout': 'w', 'stderr': 'w'}  # by their numbers
 
@@ -17,21 +21,21 @@ def main() -> int:
     _open_standard_streams()
     try:
         if sys.argv[1:2] == ['node']:
-            for number in ending_signals():  # until the node has its own handlers
+            for number in termination_signals():  # until the node has its own handlers
                 signal.signal(number, lambda *_: os._exit(0))
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, ending_signals())
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, termination_signals())
         else:
-            interrupt, *others = ending_signals()
+            interrupt, *others = termination_signals()
             if signal.getsignal(interrupt) != signal.SIG_IGN:  # as of a command in the background
-                signal.signal(interrupt, end)
+                signal.signal(interrupt, terminate)
             for number in others:
-                signal.signal(number, end)
+                signal.signal(number, terminate)
                 default = partial(signal.signal, number, signal.SIG_DFL)
                 os.register_at_fork(after_in_child=default)
         from parallel_robot.cli import command_line
 
         return command_line.main()
-    except Ended as ended:
+    except Terminated as ended:
         return ended.exit_code
     except KeyboardInterrupt:
         return 130

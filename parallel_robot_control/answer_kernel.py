@@ -18,7 +18,7 @@ from parallel_robot_control.messages import (
     NOT_UNDERSTOOD,
     answers_message,
     joint_row,
-    open_message,
+    parse_stamped,
 )
 from parallel_robot_control.reference_buffer import (
     MISSING,
@@ -32,7 +32,7 @@ from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import (
     Boxed,
     Struct,
-    inner,
+    internal,
     is_finite,
     kernel,
     read_row,
@@ -48,7 +48,7 @@ from parallel_robot_model.messages.topics import SLOW, Telemetry
 
 NEVER = -1  # a stamp that no message has
 FOREVER = 2**63 - 1  # ns
-AGES = 4096  # answers for which the age of the state is kept
+AGES = 4096  # answers for which the age of the state is recorded
 QUEUED = 1  # periods by which a state of a burst is older than others: a younger one is behind it
 AGEING = 250  # states after which the least age counts as a period larger
 
@@ -81,17 +81,17 @@ class Common(NamedTuple):
     first: int = 0  # of the first state to answer,
     start: int = NEVER  # of the start
     end: int = NEVER  # and of the end of the motion
-    acted: int = 0  # bits of the limits that acted
-    acted_at: int = 0  # stamp of the last state at which one did
+    active_limits: int = 0  # bits of the active limits
+    limits_stamp: int = 0  # stamp of the last state at which one did
     cause: int = faults.NONE  # fault whose cause was there at the last state
-    heard: int = 0  # time of the last answer on the monotonic clock; 0: none, or the end
+    answer_time: int = 0  # time of the last answer on the monotonic clock; 0: none, or the end
     logged: int = 0  # rows of the log
     answers: int = 0  # how many there were
     age: int = 0  # of the last state, from the measurement until the torque acts
     phase: int = lock_in.OFF  # of the identification of the delay
     until: int = FOREVER  # stamp of the newest reference that counts
     waits: bool = False  # whether the last reference was overdue
-    came: int = NEVER  # when the last state came, on the clock of the stamps
+    arrival_time: int = NEVER  # when the last state came, on the clock of the stamps
     youngest: int = FOREVER // 2  # about the least age that states have when they are answered
 
 
@@ -139,7 +139,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
 
     Args:
         core: See Core.
-        wire: Layout of the message with position, velocity and effort, see Wire.
+        wire: Layout of the message with position, velocity and effort, see MessageLayout.
         data: The serialised message.
         now: Time on the clock of the stamps [ns]; 0: the age of the state is not checked.
         monotonic: Time on the monotonic clock [ns].
@@ -149,8 +149,8 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     """
     common, setup = core.common, core.setup
     timing, state, before = common.timing, setup.memory.state, common.last
-    row, told = setup.safety.torque_limit, (common.acted, state.fault, state.lost)
-    stamp = open_message(wire, data)
+    row, told = setup.safety.torque_limit, (common.active_limits, state.fault, state.lost)
+    stamp = parse_stamped(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
     effort = read_row(joint_row(wire, 2, np.nan), 0, row)
@@ -170,7 +170,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     code = UNKNOWN
     if is_finite(position) and is_finite(velocity):
         code = _refusal(common, stamp, acting, now, monotonic)
-    common.came = now
+    common.arrival_time = now
     if code != ANSWERED:
         return code
     lookup, known, reference = reference_at(
@@ -204,12 +204,12 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     write_row(common.efforts, at, effort)
     common.log[at, 0], common.log[at, 1], common.log[at, 2] = stamp, known, acts
     common.logged += 1
-    acted = done.acted + select(overdue, limiting.REFERENCE, 0)
-    if acted:
-        common.acted |= acted
-        common.acted_at = stamp
-    elif common.acted and stamp - common.acted_at >= QUIET * NANOSECONDS:
-        common.acted = 0  # what acts next is told
+    active_limits = done.active_limits + select(overdue, limiting.REFERENCE, 0)
+    if active_limits:
+        common.active_limits |= active_limits
+        common.limits_stamp = stamp
+    elif common.active_limits and stamp - common.limits_stamp >= QUIET * NANOSECONDS:
+        common.active_limits = 0  # what acts next is reported
     common.cause = done.cause
     if lookup == TOO_OLD and done.cause == faults.NONE:
         common.cause = faults.REFERENCE_STALE
@@ -219,7 +219,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         common.youngest = min(age, common.youngest + timing.period // AGEING)
     common.answers += 1
     ended = common.end != NEVER and acting >= common.end
-    common.heard = 0 if ended else monotonic
+    common.answer_time = 0 if ended else monotonic
     # 5. What is due to be told.
     sample_before, phase = (before + common.age) // timing.period, lock_in.phase(setup, sample)
     common.age = acts - stamp
@@ -227,13 +227,13 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         code |= TELEMETRY | LOG
     if ended or common.logged == AGES:
         code |= LOG
-    if common.phase != phase or told != (common.acted, state.fault, state.lost):
+    if common.phase != phase or told != (common.active_limits, state.fault, state.lost):
         code |= STATUS
     common.phase = phase
     return code
 
 
-@inner
+@internal
 def _refusal(common: Any, stamp: int, acting: int, now: int, monotonic: int) -> int:
     """Why a state cannot be answered whatever its reference; ANSWERED if it can."""
     timing, before = common.timing, common.last
@@ -242,7 +242,7 @@ def _refusal(common: Any, stamp: int, acting: int, now: int, monotonic: int) -> 
     if acting < common.first:
         return EARLY
     if not timing.lockstep:
-        if common.heard and monotonic - common.heard > timing.state_timeout:
+        if common.answer_time and monotonic - common.answer_time > timing.state_timeout:
             return STALE
         if now > stamp + timing.state_age:
             return OLD
@@ -254,7 +254,7 @@ def _refusal(common: Any, stamp: int, acting: int, now: int, monotonic: int) -> 
     return OUT_OF_ORDER if before != NEVER and back else ANSWERED
 
 
-@inner
+@internal
 def _is_queued(common: Any, now: int, stamp: int) -> bool:
     """Whether a state is one of many that come at once, with a younger one right behind it.
 
@@ -262,7 +262,7 @@ def _is_queued(common: Any, now: int, stamp: int) -> bool:
     motors, though the torque of none of them has moved the robot before the next one.
     """
     period = common.timing.period
-    at_once = now - common.came < period // 2
+    at_once = now - common.arrival_time < period // 2
     return bool(at_once and now - stamp > common.youngest + QUEUED * period)
 
 

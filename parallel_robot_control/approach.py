@@ -7,7 +7,7 @@ from typing import Annotated, Any, NamedTuple
 
 from parallel_robot_control.contract import JointReference
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, largest, select
+from parallel_robot_model.compiler import clip, internal, largest, select
 from parallel_robot_model.configuration.fields import Field
 
 
@@ -37,7 +37,7 @@ class ApproachMemory(NamedTuple):
     at_once: float  # a
 
 
-GOES_ON, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back
+CONTINUES, START, BACK = 0, 1, 2  # what a cycle begins with: nothing new, a start, a way back
 ENDED = -1.0  # s, time since the begin where there is no approach
 SHORTEST = 0.02  # s, of the time over which a rate is faded
 SLOW, DRIFT = 1e-6, 0.0085  # rad/s; rad, 6.7 times by which a rate may go on at the least
@@ -47,8 +47,8 @@ BENT, BRAKED = 5.774, 3.527  # largest acceleration times T^2 / e, and times B /
 ABRUPT = 3.0  # acceleration with which a way back begins to brake, times B / e'
 
 
-@inner
-def _begin(
+@internal
+def _start(
     parameters: ApproachParameters,
     memory: Any,
     begins: int,
@@ -74,7 +74,7 @@ def _begin(
     memory.length, memory.braking = duration, braking
 
 
-@inner
+@internal
 def approached(
     parameters: ApproachParameters,
     memory: Any,
@@ -100,20 +100,20 @@ def approached(
     Args:
         parameters: T at a start and on a way back; with 0, the reference stays as it is.
         memory: An ApproachMemory, as a Struct.
-        begins: Whether an approach begins: GOES_ON, START or BACK.
+        begins: Whether an approach begins: CONTINUES, START or BACK.
         reference: Desired motion when the torque acts.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         dt: Time since the moment at which the torque before acted [s].
     """
     t = memory.elapsed
-    if begins == GOES_ON:
+    if begins == CONTINUES:
         if t == ENDED:
             return reference
         t += dt
     else:
         t = 0.0
-        _begin(parameters, memory, begins, reference, position, velocity)
+        _start(parameters, memory, begins, reference, position, velocity)
     duration, braking = memory.length, memory.braking
     goes_on = t < duration or t < braking
     memory.elapsed = select(goes_on, t, ENDED)
@@ -123,9 +123,9 @@ def approached(
     per_time = 1.0 / duration
     x = select(t < duration, t * per_time, 1.0)
     xx = x * x
-    left = 1.0 - xx * x * (10.0 - x * (15.0 - 6.0 * x))
-    left_rate = -30.0 * xx * (1.0 - x) * (1.0 - x) * per_time
-    left_acceleration = -60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) * per_time * per_time
+    remaining = 1.0 - xx * x * (10.0 - x * (15.0 - 6.0 * x))
+    remaining_rate = -30.0 * xx * (1.0 - x) * (1.0 - x) * per_time
+    remaining_acceleration = -60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) * per_time * per_time
     per_time = 1.0 / braking
     x = select(t < braking, t * per_time, 1.0)
     xx = x * x
@@ -135,7 +135,7 @@ def approached(
     bends = x * (36.0 - x * (96.0 - 60.0 * x)) + a * y * (1.0 - x * (8.0 - 10.0 * x))
     turn_acceleration = -bends * per_time
     return JointReference(
-        reference.position + (e * left + v * turn),
-        reference.velocity + (e * left_rate + v * turn_rate),
-        reference.acceleration + (e * left_acceleration + v * turn_acceleration),
+        reference.position + (e * remaining + v * turn),
+        reference.velocity + (e * remaining_rate + v * turn_rate),
+        reference.acceleration + (e * remaining_acceleration + v * turn_acceleration),
     )

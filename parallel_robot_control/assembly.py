@@ -6,19 +6,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot_control.assembly_mode import losing
+from parallel_robot_control.assembly_mode import pose_loss_mask
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import ControlSetup, CycleState, cycle_memory, initial_state
 from parallel_robot_control.estimation import lock_in
-from parallel_robot_control.estimation.estimator import IDENTIFY, settled
+from parallel_robot_control.estimation.estimator import IDENTIFY, resolved
 from parallel_robot_control.prepared_law import PreparedLaw, prepare
 from parallel_robot_control.repetition import repetition_memory
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_control.safety.limiting import as_limits
-from parallel_robot_control.terms import asked_of
+from parallel_robot_control.terms import requested_place
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, Struct, as_constants, vector
-from parallel_robot_model.processes.custom_module import distinguish
+from parallel_robot_model.processes.custom_module import qualify_type_names
 from parallel_robot_model.robots.contract import PoseMotion
 
 
@@ -50,12 +50,12 @@ def assemble(
     module, robot = configuration.laws[name], configuration.robot
     prepared = prepare(name, module, configuration.gains[name], configuration.joints)
     if prepared.foreign is not None:
-        prepared.foreign.judge_loop(period, robot.joint_units)
+        prepared.foreign.check_loop(period, robot.joint_units)
     row, guess = vector(np.zeros(configuration.joints)), vector(np.array(configuration.guess))
-    distinguish(type(configuration.margins))
+    qualify_type_names(type(configuration.margins))
     state = configuration.margins, row, row, guess
     identification = configuration.lock_in
-    estimator = settled(configuration.estimator, identification, module, period)
+    estimator = resolved(configuration.estimator, identification, module, period)
     safety = as_limits(configuration.safety, period)
     identifies = configuration.estimator.delay == IDENTIFY
     if identifies:
@@ -65,16 +65,16 @@ def assemble(
     setup = ControlSetup(
         prepared.step,
         robot.kernel('estimate', *state),
-        robot.kernel('estimate', *state, instead='ahead'),
+        robot.kernel('estimate', *state, instead='estimate_coarse'),
         robot.kernel('locate', row, guess),
         prepared.law,
-        asked_of(module, robot),
+        requested_place(module, robot),
         bool(module.MODEL),
         robot.constants,
         configuration.margins,
-        losing(robot, configuration.margins, row, guess),
+        pose_loss_mask(robot, configuration.margins, row, guess),
         period,
-        configuration.turn,
+        configuration.repetition_samples,
         identifies,
         Boxed(safety),
         Boxed(as_constants(estimator)),
@@ -88,7 +88,7 @@ def assemble(
 
 def memory_of(configuration: ControlConfiguration) -> Struct:
     """Memory of the cycle of a controller, before its first state."""
-    joints, turn = configuration.joints, configuration.turn
+    joints, turn = configuration.joints, configuration.repetition_samples
     period, parameters = configuration.loop.period, configuration.repetition
     of_turns = repetition_memory(parameters, joints, turn, period)
     fault = faults.EMERGENCY_STOP if configuration.stopped else faults.NONE

@@ -20,13 +20,13 @@ from parallel_robot_model.compiler import vector
 from parallel_robot_model.messages.layouts import Reader, passive_names
 from parallel_robot_model.robots.registry import RobotModel
 
-TURNS = 8  # guesses on a turn of each angle of the pose
+GUESSES_PER_TURN = 8  # guesses on a turn of each angle of the pose
 SHIFT = 0.4  # of the largest coordinate that is no angle: how far guesses lie beside it
 SAME = 1e-6  # m or rad, between two poses that are one
 CLOSE = 1e-2  # the same, where one is measured by other sensors
 
 
-def losing(robot: RobotModel, margins: Any, position: Array, guess: Array) -> int:
+def pose_loss_mask(robot: RobotModel, margins: Any, position: Array, guess: Array) -> int:
     """Faults of the robot at which its pose is lost, as bits; none where joints have one pose.
 
     The robot names them in NO_POSE. Else they are all of its faults, unless its pose does not
@@ -60,7 +60,9 @@ class AssemblyModes:
         self._names = [axis.name for axis in axes]
         self._turns = np.array([axis.unit == 'rad' for axis in axes])
         row, guess = np.zeros(len(self._joints)), np.array(configuration.guess)
-        self._losing = losing(self._robot, self._margins, vector(row), vector(guess))
+        self._pose_loss_mask = pose_loss_mask(
+            self._robot, self._margins, vector(row), vector(guess)
+        )
 
     def near(self, position: Array, guess: Array) -> Array | None:
         """The pose at joint angles on the assembly mode of a guess, shape (m,); None without."""
@@ -69,19 +71,19 @@ class AssemblyModes:
         fault, pose, _ = robot.module.estimate(
             robot.constants, margins, row, 0.0 * row, vector(guess)
         )
-        return None if (self._losing >> fault) & 1 else np.array(pose)
+        return None if (self._pose_loss_mask >> fault) & 1 else np.array(pose)
 
     def all(self, position: Array, near: Array) -> list[Array]:
         """Poses that fit joint angles, those found from guesses around one, the nearest first."""
         shift = SHIFT * float(np.abs(near[~self._turns]).max(initial=0.0))
-        turns = 2.0 * math.pi / TURNS * np.arange(TURNS)
+        turns = 2.0 * math.pi / GUESSES_PER_TURN * np.arange(GUESSES_PER_TURN)
         steps = [turns if turn else (0.0, shift, -shift) for turn in self._turns]
         poses: list[Array] = []
         for step in itertools.product(*steps):
             pose = self.near(position, near + np.array(step))
-            if pose is not None and all(self._apart(pose, other) > SAME for other in poses):
+            if pose is not None and all(self._distance(pose, other) > SAME for other in poses):
                 poses.append(pose)
-        return sorted(poses, key=lambda pose: self._apart(pose, near))
+        return sorted(poses, key=lambda pose: self._distance(pose, near))
 
     def by_passive_joints(self, data: bytes) -> Array | None:
         """The pose that all joints in a state message tell, shape (m,); None without."""
@@ -97,19 +99,19 @@ class AssemblyModes:
         pose = self._robot.module.pose_with(self._robot.parameters, position, passive)
         return self.near(position, pose) if np.isfinite(pose).all() else None
 
-    def is_as(self, guess: Sequence[float], position: Array, pose: Array) -> bool:
+    def is_same_mode(self, guess: Sequence[float], position: Array, pose: Array) -> bool:
         """Whether a pose is that which joint angles have on the assembly mode of a guess."""
         reached = self.near(position, np.array(guess))
-        return reached is not None and self._apart(reached, pose) < CLOSE
+        return reached is not None and self._distance(reached, pose) < CLOSE
 
-    def told(self, poses: Sequence[Array]) -> str:
+    def text(self, poses: Sequence[Array]) -> str:
         """Some poses for people."""
         return ' or '.join(
             ', '.join(f'{name} {value:.4g}' for name, value in zip(self._names, pose, strict=True))
             for pose in poses
         )
 
-    def _apart(self, pose: Array, other: Array) -> float:
+    def _distance(self, pose: Array, other: Array) -> float:
         """Distance of two poses, m and rad alike."""
         way = pose - other
         turned = (way + math.pi) % (2.0 * math.pi) - math.pi

@@ -64,9 +64,9 @@ def answers(
     states: States,
     expected: Array,
 ) -> Batch:
-    """The answers of :func:`answer`, with the cycle as FirstClass."""
+    """The answers of :func:`answer`, with the cycle as FunctionValue."""
     count = len(states.dt)
-    torque, row = np.empty((count, expected.shape[1])), control.memory.state.held
+    torque, row = np.empty((count, expected.shape[1])), control.memory.state.fault_position
     for k in range(count):
         reference = reference_row(references, k, row)
         position, velocity = read_row(states.position, k, row), read_row(states.velocity, k, row)

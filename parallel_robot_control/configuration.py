@@ -15,8 +15,8 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.estimation.lock_in import LockInParameters
 from parallel_robot_control.laws import LAWS
-from parallel_robot_control.prepared_law import judge
-from parallel_robot_control.repetition import RepetitionParameters, turn_of
+from parallel_robot_control.prepared_law import validate_gains
+from parallel_robot_control.repetition import RepetitionParameters, repetition_samples_of
 from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import Array
@@ -33,7 +33,7 @@ from parallel_robot_model.configuration.fields import (
     plain,
 )
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import configuration as motion
@@ -67,16 +67,16 @@ class ControlConfiguration(MotionConfiguration):
     @cached_property
     def laws(self) -> Mapping[str, Law]:
         """All laws by name."""
-        with locating(self.values):
+        with with_location(self.values):
             return available(self.loop.custom_laws)
 
     @cached_property
     def gains(self) -> Mapping[str, Any]:
         """Gains of each law, which its theory allows."""
         gains = {name: self.at(name, law.Gains) for name, law in self.laws.items()}
-        with locating(self.values):
+        with with_location(self.values):
             for name, law in self.laws.items():
-                judge(name, law, gains[name])
+                validate_gains(name, law, gains[name])
         return gains
 
     @property
@@ -91,7 +91,7 @@ class ControlConfiguration(MotionConfiguration):
         The parameter ``controller.guess``, or the first pose of the motion. Where the file of a
         custom trajectory is not loaded, as for a bag, it is the initial pose.
         """
-        with locating(self.values):
+        with with_location(self.values):
             if self.controller.guess:
                 return checked(self.controller.guess, self.robot)
             if self.values['trajectory.shape'] not in shapes(self.values['custom_trajectories']):
@@ -99,18 +99,26 @@ class ControlConfiguration(MotionConfiguration):
             return checked(self.trajectory.first_pose, self.robot)
 
     @cached_property
-    def turn(self) -> int:
+    def repetition_samples(self) -> int:
         """Samples of a turn; 0 where nothing is learned."""
         if not self.repetition.gain:
             return 0
-        with locating(self.values):
-            return turn_of(self.repetition, self.trajectory, self.loop.period)
+        with with_location(self.values):
+            return repetition_samples_of(self.repetition, self.trajectory, self.loop.period)
 
     @property
     def made_of(self) -> tuple[Any, ...]:
         """What a controller depends on."""
         own = (self.at(*each) for each in declared_in(ControlConfiguration))
-        return self.loop, self.robot, self.margins, self.guess, self.turn, self.gains, *own
+        return (
+            self.loop,
+            self.robot,
+            self.margins,
+            self.guess,
+            self.repetition_samples,
+            self.gains,
+            *own,
+        )
 
     @property
     def stopped(self) -> bool:
@@ -136,9 +144,9 @@ class ControlConfiguration(MotionConfiguration):
                 pose, or a motion of which is learned does not repeat.
         """
         self.check(declared(self.robot.module, self.laws))
-        with locating(self.values):
+        with with_location(self.values):
             _with_law(self.loop, self.loop.law, self.laws)
-        _ = self.gains, self.guess, self.turn
+        _ = self.gains, self.guess, self.repetition_samples
 
 
 def load(values: Mapping[str, Any]) -> Modules:
@@ -268,7 +276,7 @@ def changed(
         start = f'{name}.'
         values |= {k.removeprefix(start): v for k, v in changes.items() if k.startswith(start)}
         gains[name] = fields.build(laws[name].Gains, values, start)
-        judge(name, laws[name], gains[name])
+        validate_gains(name, laws[name], gains[name])
     preset: Literal['paper', 'custom'] = 'paper' if gains == paper else 'custom'
     if changes.get('preset', preset) != preset:
         raise InputError(f'preset is {preset} with these gains, not {changes["preset"]!r}')

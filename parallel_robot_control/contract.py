@@ -89,13 +89,13 @@ class Foreign(Protocol):
     @property
     def ready(self) -> bool: ...  # noqa: D102
 
-    def judge_loop(self, period: float, units: JointUnits) -> None:
+    def check_loop(self, period: float, units: JointUnits) -> None:
         """Refuse a period [s] or joints that are not the law's, by an InputError."""
 
     def choose(self, memory: Any, gains: Any) -> None:
         """Have gains for one who asks with an initial memory."""
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Have a process, whatever became of the one before; InputError without one."""
 
     def failure(self, gains: Any) -> str:
@@ -154,10 +154,10 @@ class Law(LawModule):
         vars(law).update(vars(module))
         return law
 
-    def judge(self, gains: Any) -> Sequence[str]:
+    def validate_gains(self, gains: Any) -> Sequence[str]:
         """Warnings of gains; raises InputError where the theory forbids them."""
         return ()
 
-    def judge_noise(self, gains: Any, noise: float, period: float) -> Sequence[str]:
+    def noise_warnings(self, gains: Any, noise: float, period: float) -> Sequence[str]:
         """Warnings for noisy rates [rad/s, rms] and a period [s], where that is known."""
         return ()

@@ -30,7 +30,7 @@ from parallel_robot_control.contract import JointReference
 from parallel_robot_control.cycle import CycleState
 from parallel_robot_control.estimation.lock_in import delay_text
 from parallel_robot_control.law_core import STATE_FIELDS, LawCore, LawCores
-from parallel_robot_control.messages import LOST, Status, wire_of
+from parallel_robot_control.messages import LOST, Status, message_layout
 from parallel_robot_control.prepared_law import PreparedLaw
 from parallel_robot_control.reference_buffer import (
     BACK,
@@ -99,11 +99,11 @@ class Controller:
         self._changed = False  # whether law or fault changed since the last answer
         self._modes = AssemblyModes(configuration)
         self._offered: Array | None = None  # the pose that the user may confirm
-        self._told = ''  # the last pose that was told
+        self._pose_text = ''  # the last pose that was reported, as text
         preset_of(configuration.loop)  # its files are read now, not while the robot moves
         self._units = configuration.robot.joint_units
         self._state_layout = layouts.joint_state(joints)
-        self._own = wire_of(self._state_layout, STATE_FIELDS, range(len(joints)))
+        self._own = message_layout(self._state_layout, STATE_FIELDS, range(len(joints)))
         self._states = self._own
         self.log = AnswerLog(self._common, loop.period_ns)  # log of the states that were answered
         self._pending: bytes | None = None  # a state that waits for its reference (lockstep)
@@ -113,7 +113,7 @@ class Controller:
         tolerance = np.broadcast_to(safety.effort_tolerance, len(joints)).tolist()
         self._efforts = ClampedEfforts(joints, tolerance, self._units)
         self._why = ''  # why the motors did not apply the torque, when that became a fault
-        self._sample = -1  # of the last state that was heard, for hazards
+        self._sample = -1  # of the last state that was received, for hazards
         self.command = b''  # the command message of the last answer
         self.code = 0  # what :func:`answer_kernel.answer` returned for the last state
         self._cores = LawCores(configuration, self._common, self._own)
@@ -122,9 +122,9 @@ class Controller:
         if loop.start_stamp == WAIT:
             self._common.first = FOREVER
         elif loop.start_stamp > 0:
-            self.begin(loop.start_stamp)
+            self.set_start(loop.start_stamp)
         elif loop.lockstep:
-            self.begin(loop.step_start)
+            self.set_start(loop.step_start)
 
     @property
     def law(self) -> PreparedLaw:
@@ -147,14 +147,14 @@ class Controller:
         """What the controller is doing."""
         delay = delay_text(self._core.compiled.setup, self._common.phase, self._units)
         fault = self._faults.get(self.fault)
-        pose = LOST if self._state.lost else self._told
-        return Status(self.law.name, fault, self._common.acted, delay, pose)
+        pose = LOST if self._state.lost else self._pose_text
+        return Status(self.law.name, fault, self._common.active_limits, delay, pose)
 
-    def explained(self, fault: Fault) -> Fault:
+    def explain(self, fault: Fault) -> Fault:
         """The present fault, with what is known of its cause."""
         if fault.key == faults.FAULTS[faults.TORQUE_LOST].key and self._why:
             return fault._replace(text=f'{fault.text}: {self._why}')
-        return self.law.explained(fault)
+        return self.law.explain(fault)
 
     @property
     def joint_unit(self) -> dict[str, str]:
@@ -180,7 +180,7 @@ class Controller:
         return max(0, self._common.last)
 
     @property
-    def acts(self) -> int:
+    def applied_stamp(self) -> int:
         """Stamp from which on the torque of the last answer acts [ns]; 0 if there is none."""
         return self.stamp + self._common.age
 
@@ -195,7 +195,7 @@ class Controller:
         """Telemetry of the last answer, one row."""
         return Telemetry(*np.array(self._common.telemetry)[:, np.newaxis])
 
-    def begin(self, stamp: int) -> None:
+    def set_start(self, stamp: int) -> None:
         """Set the stamp of the state at which the motion starts [ns]: no take-over, so no ramp."""
         self._common.start = stamp
         self._common.first = stamp if self._loop.start_stamp == WAIT else 0
@@ -230,10 +230,10 @@ class Controller:
             return refused
         return faults.STATES_STALE if self.stale() else self._common.cause
 
-    def place(self, pose: Array) -> None:
-        """Know the pose again, shape (m,): the estimate follows it from there."""
-        controller_state.place(self._state, pose)
-        self._offered, self._told = None, ', '.join(map(repr, pose.tolist()))
+    def set_pose(self, pose: Array) -> None:
+        """Set the pose, shape (m,): the estimate follows it from there."""
+        controller_state.set_pose(self._state, pose)
+        self._offered, self._pose_text = None, ', '.join(map(repr, pose.tolist()))
         self._changed = True
 
     def confirm_pose(self) -> str:
@@ -246,7 +246,7 @@ class Controller:
             return 'the pose is known'
         if self._offered is None:
             return 'no pose was named; ~/clear_fault names those that fit the joint angles'
-        self.place(self._offered)
+        self.set_pose(self._offered)
         return ''
 
     def pose_near(self, guess: Sequence[float]) -> Array:
@@ -273,13 +273,13 @@ class Controller:
         if not state.lost:
             return ''
         position, pose = np.array(state.position), self._modes.by_passive_joints(self._heard)
-        if pose is not None and self._modes.is_as(self.configuration.guess, position, pose):
-            self.place(pose)
+        if pose is not None and self._modes.is_same_mode(self.configuration.guess, position, pose):
+            self.set_pose(pose)
             return ''
         if pose is not None:
             self._offered = pose
             return (
-                f'the robot is at {self._modes.told([pose])}, in another assembly mode than that '
+                f'the robot is at {self._modes.text([pose])}, in another assembly mode than that '
                 'in which its motion begins: move it back, or ~/confirm_pose to go on in this one'
             )
         poses = self._modes.all(position, np.array(state.pose))
@@ -287,16 +287,16 @@ class Controller:
             return 'no pose fits the joint angles: move the robot away from the singularity'
         self._offered = poses[0]
         return (
-            f'the pose is not known: the joint angles fit {self._modes.told(poses)}; '
+            f'the pose is not known: the joint angles fit {self._modes.text(poses)}; '
             f'~/confirm_pose takes the first, controller.guess another'
         )
 
     def stale(self) -> bool:
         """Whether joint states were received but have stopped coming (wall time)."""
-        heard = self._common.heard
-        if not heard or self._loop.lockstep:
+        answered_at = self._common.answer_time
+        if not answered_at or self._loop.lockstep:
             return False
-        return time.monotonic_ns() - heard > self._state_timeout
+        return time.monotonic_ns() - answered_at > self._state_timeout
 
     def watch(self) -> bool:
         """Enter a fault if the joint states are stale.
@@ -329,7 +329,7 @@ class Controller:
 
     def expect(self, layout: cdr.Layout, order: list[int]) -> None:
         """Let :meth:`answer` read messages of a layout; `order`: index of each joint in it."""
-        self._states = wire_of(layout, STATE_FIELDS, order)
+        self._states = message_layout(layout, STATE_FIELDS, order)
 
     def prepare_change(self, changes: Mapping[str, Any]) -> LawCore:
         """Prepare a change of law, gains or preset; :meth:`apply` makes it take effect.
@@ -345,7 +345,7 @@ class Controller:
         changed = configuration.changed(self.configuration, changes)
         core = self._cores.make(changed)
         if core.law.foreign is not None:
-            core.law.foreign.begin()
+            core.law.foreign.start()
         return core
 
     def apply(self, change: LawCore) -> None:
@@ -387,9 +387,9 @@ class Controller:
         last, first = self._loop.last_index, self._first
         if last is None or first is None or not self.stale():
             return False
-        if abs(self.acts - first - last * self._loop.period_ns) > NEARLY:
+        if abs(self.applied_stamp - first - last * self._loop.period_ns) > NEARLY:
             return False
-        self._common.heard = 0
+        self._common.answer_time = 0
         self._reset()
         return True
 
@@ -434,7 +434,7 @@ class Controller:
         """
         states = self._states if wire is None else wire
         if self._hazards.on:
-            self.code = self._befall(self._hazards, data)
+            self.code = self._apply_hazards(self._hazards, data)
             if self.code < 0:
                 return self.code
         monotonic = time.monotonic_ns()
@@ -444,7 +444,7 @@ class Controller:
             self._pending, self._lost, self._answered_at = None, False, monotonic
             self._heard = data
             if self._first is None:
-                self._first = self.acts
+                self._first = self.applied_stamp
             if code != ANSWERED or self._changed:
                 code |= STATUS if self._changed else 0
                 self._changed = False
@@ -466,15 +466,15 @@ class Controller:
             Whether it was answered.
         """
         common = self._common
-        heard, common.heard = common.heard, 0  # it is answered, however late
+        answered_at, common.answer_time = common.answer_time, 0  # it is answered, however late
         data = self._state_layout.encode(stamp, **dict(zip(STATE_FIELDS, measured, strict=True)))
         if self.answer(data, self._own) == OUT_OF_ORDER:
             last = common.last
             if stamp == last and not _equal(self._common.measured, map(np.nan_to_num, measured)):
                 self.trip(faults.STATES_DISAGREE)
             if self._loop.lockstep and stamp == last:  # the plant asks again
-                lost = time.monotonic_ns() - self._answered_at > REPEATED
-                self.code = ANSWERED if lost else OUT_OF_ORDER
+                too_late = time.monotonic_ns() - self._answered_at > REPEATED
+                self.code = ANSWERED if too_late else OUT_OF_ORDER
             elif not self._loop.lockstep and abs(stamp - last) < RESTART:
                 self.counts['state stamps that repeat or go back'] += 1
             else:
@@ -484,11 +484,11 @@ class Controller:
         if self.code == NO_REFERENCE and self._loop.lockstep:
             self._pending = data
         if self.code <= 0:
-            common.heard = heard
+            common.answer_time = answered_at
         return self.code > 0
 
-    def _befall(self, table: HazardTable, data: bytes) -> int:
-        """Let happen what hazards do to a controller before it answers a state."""
+    def _apply_hazards(self, table: HazardTable, data: bytes) -> int:
+        """Apply what hazards do to a controller before it answers a state."""
         common = self._common
         stamp, start = layouts.header_stamp(data), common.start
         if stamp is None or start == NEVER:
@@ -519,14 +519,14 @@ class Controller:
         if fault == self._fault_seen:
             return
         if fault == faults.TORQUE_LOST:
-            self._why = self._efforts.told()
+            self._why = self._efforts.warning()
         self._fault_seen = fault
         self.counts[self._faults[fault].text] += 1
 
     def _reset(self) -> None:
         controller_state.restart(self._state, np.array(self.configuration.guess))
         self.law.reset_memory()
-        self._common.acted, self._common.cause = 0, faults.NONE
+        self._common.active_limits, self._common.cause = 0, faults.NONE
         self._common.last = NEVER
         self._pending = self._first = None
 

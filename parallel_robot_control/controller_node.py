@@ -42,21 +42,21 @@ from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.messages import topics
-from parallel_robot_model.nodes.connections import NOT_KNOWN
+from parallel_robot_model.nodes.connections import UNKNOWN_NODE
 from parallel_robot_model.nodes.joint_reader import JointReader
 from parallel_robot_model.nodes.life_cycle import Lifecycle, run_node
 from parallel_robot_model.nodes.parameters import START
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.processes.user_directory import KeptStop
+from parallel_robot_model.processes.user_directory import StopRecord
 
-DOUBTS = {
+REFUSALS = {
     faults.STATES_LATE: 'joint states that are too old',
     faults.STATES_AHEAD: 'joint states that are ahead of the clock',
 }
 GUESS = 'controller.guess'
 LOOKS = 4  # checks of the joint states within the time after which they are stale
-RIVALS = 0.1  # s, from one look whether others publish commands to the next
+COMPETITOR_PERIOD = 0.1  # s, from one look whether others publish commands to the next
 
 
 class ControllerNode(SuiteNode):
@@ -103,21 +103,21 @@ class ControllerNode(SuiteNode):
         self.subscribe(topics.REFERENCE, self._on_reference, complete=False)
         self.subscribe(topics.JOINT_STATES, self._on_state, complete=False)
         timeout = configured.safety.state_timeout
-        self._rivals, self._rivals_told = '', False  # who publishes commands, too
+        self._competitors, self._competitors_reported = '', False  # who publishes commands, too
         self._refused = RefusedStates(
             configured.safety.state_age, lambda: self.get_clock().now().nanoseconds
         )
         self._missing = MissingStates(self._controller.limits.gap)
         if not self.lockstep:
             self.create_timer(timeout / LOOKS, self._watch)
-        self.create_timer(RIVALS, self._watch_rivals)
+        self.create_timer(COMPETITOR_PERIOD, self._watch_competitors)
         if not self.lockstep and not self.loop.start_stamp:  # `run` ends with its controller
-            self._kept_stop = KeptStop(self.get_fully_qualified_name())
-            self.background.finish(stop, self._keep_stop)
+            self._stop_record = StopRecord(self.get_fully_qualified_name())
+            self.background.finish(stop, self._save_stop)
             self.background.finish(clear, self._forget_stop)
-            self._stop_again()
+            self._restore_stop()
         if self._controller.fault and not self.lockstep:
-            self._tell_now()
+            self._publish_status()
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs: law, preset and gains."""
@@ -153,13 +153,13 @@ class ControllerNode(SuiteNode):
         return stored, apply
 
     def _place(self, pose: Array, changes: dict[str, Any]) -> None:
-        self._controller.place(pose)
+        self._controller.set_pose(pose)
         self.values = {**self.values, **changes}
-        self._tell_now()
+        self._publish_status()
 
     def set_start(self, stamp: int) -> None:
         """Answer no state before the common start [ns]."""
-        self._controller.begin(stamp)
+        self._controller.set_start(stamp)
 
     def diagnose(self) -> dict[str, str]:
         """What the controller is doing."""
@@ -176,7 +176,7 @@ class ControllerNode(SuiteNode):
             'laws': self._laws,
             'joints': ', '.join(self.loop.joints),
             **self._controller.joint_unit,
-            'limits that acted': limits_text(self._controller.status.acted),
+            'limits that acted': limits_text(self._controller.status.active_limits),
             'answered': str(self._controller.log.answered),
             'skipped': str(rhythm.skipped),
             'missing': self._missing.figures,
@@ -186,16 +186,16 @@ class ControllerNode(SuiteNode):
             figures['lag p50/p99/max [ms]'] = f'{p50:.3f}/{p99:.3f}/{largest:.3f}'
         return figures
 
-    def doubts(self) -> dict[str, str]:
+    def warnings(self) -> dict[str, str]:
         """What is wrong with the joint states."""
         log = self._controller.log
-        doubts = {'rate': log.rhythm.doubt, 'held': log.held.doubt}
+        lines = {'rate': log.rhythm.warning, 'held': log.held.warning}
         if not self.lockstep:
-            doubts |= self._refused.told(
+            lines |= self._refused.warnings(
                 self._controller.stamp, self._state_reader.problem, self.loop.joints
             )
-            doubts['missing'] = self._missing.never_sent
-        return doubts
+            lines['missing'] = self._missing.never_sent
+        return lines
 
     def handled(self) -> int:
         """Number of states answered."""
@@ -206,9 +206,9 @@ class ControllerNode(SuiteNode):
         fault = self._controller.status.fault
         if fault is None:
             return self._controller.waits()
-        return f'fault: {self._controller.explained(fault).text}'
+        return f'fault: {self._controller.explain(fault).text}'
 
-    def leave_out(self, topic: topics.Topic) -> None:
+    def handle_dispute(self, topic: topics.Topic) -> None:
         """Change to the safe action: of two robots or two motions, one is not meant."""
         states = topic == topics.JOINT_STATES
         self._trip(faults.STATES_DISAGREE if states else faults.REFERENCES_DISAGREE)
@@ -237,7 +237,7 @@ class ControllerNode(SuiteNode):
         elif code == OVERTAKEN:
             self._refused.count += 1
         elif code == REFUSED_LONG:
-            self._tell_now()
+            self._publish_status()
         elif code != REFUSED and (code not in (EARLY, NO_REFERENCE) or self.lockstep):
             self._on_odd_state(code, data)
 
@@ -248,15 +248,15 @@ class ControllerNode(SuiteNode):
         message = self._state_reader.read(data)
         if message is None:
             self._refused.note(faults.STATES_INVALID)
-            self._lose_torque(not self.lockstep and self._controller.refuse(faults.STATES_INVALID))
+            self._zero_torque(not self.lockstep and self._controller.refuse(faults.STATES_INVALID))
             return
         if code == UNKNOWN and self._state_reader.layout is not None:
             self._controller.expect(self._state_reader.layout, self._state_reader.order)
         stamp, vectors = message
-        wrong = faults.NONE if self.lockstep else self._refused.judge(stamp)
+        wrong = faults.NONE if self.lockstep else self._refused.refusal(stamp)
         if wrong != faults.NONE:  # as if it had not arrived
-            self.counts[DOUBTS[wrong]] += 1
-            self._lose_torque(self._controller.refuse(wrong))
+            self.counts[REFUSALS[wrong]] += 1
+            self._zero_torque(self._controller.refuse(wrong))
         else:
             self._send(self._controller.add_state(stamp, vectors))
 
@@ -270,58 +270,58 @@ class ControllerNode(SuiteNode):
         if self._controller.finish():
             self._topics.publish_zero()
             self.get_logger().info(f'the run of {self.loop.duration:g} s is over')
-        self._lose_torque(self._controller.watch())
+        self._zero_torque(self._controller.watch())
 
-    def _watch_rivals(self) -> None:
+    def _watch_competitors(self) -> None:
         """Enter a fault when another node publishes commands, too."""
         shared = bool(self.shared_outputs())
         if shared and self._controller.fault == faults.NONE:
             self._trip(faults.COMMANDS_DISAGREE)
-        if shared and not self._rivals_told:
-            self._rivals = self.disputes()
-        named = NOT_KNOWN not in self._rivals or not shared  # else it will be soon
-        if self._rivals and named and not self._rivals_told:
-            self._rivals_told = True
-            self.doubt(self._rivals)
+        if shared and not self._competitors_reported:
+            self._competitors = self.disputes()
+        named = UNKNOWN_NODE not in self._competitors or not shared  # else it will be soon
+        if self._competitors and named and not self._competitors_reported:
+            self._competitors_reported = True
+            self.warn(self._competitors)
         if not shared:
-            self._rivals, self._rivals_told = '', False
+            self._competitors, self._competitors_reported = '', False
 
-    def _stop_again(self) -> None:
-        """Begin in the emergency stop that was told to a controller of this name before."""
-        told = self._kept_stop.told_at()
-        if told is not None:
+    def _restore_stop(self) -> None:
+        """Begin in the saved emergency stop of a controller of this name."""
+        stopped_at = self._stop_record.stopped_at()
+        if stopped_at is not None:
             self._stopped_by_hand = True
             self._controller.trip(faults.EMERGENCY_STOP)
-            since = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(told))
+            since = time.strftime('%Y-%m-%d %H:%M:%S', time.localtime(stopped_at))
             self.get_logger().warning(f'emergency stop since {since}; ~/clear_fault ends it')
 
-    def _keep_stop(self, response: Trigger.Response) -> None:
-        """Let an emergency stop outlive this controller."""
-        reason = self._kept_stop.keep()
+    def _save_stop(self, response: Trigger.Response) -> None:
+        """Save an emergency stop, so that it outlives this controller."""
+        reason = self._stop_record.save()
         if reason:
             response.message += f'; a controller that is started anew will not know it: {reason}'
 
     def _forget_stop(self, response: Trigger.Response) -> None:
         """Let a stop that was cleared not come back."""
-        reason = self._kept_stop.forget() if response.success else ''
+        reason = self._stop_record.forget() if response.success else ''
         if reason:
             response.message = f'cleared; it comes back with the next start: {reason}'
 
-    def _lose_torque(self, lost: bool) -> None:
+    def _zero_torque(self, lost: bool) -> None:
         """Send zero torque if the joint states are lost."""
         if lost:
             self._topics.publish_zero()
-            self._tell_now()
+            self._publish_status()
 
     def _trip(self, fault: int) -> None:
         """Enter a fault that no state shows, unless the controller already is in one."""
         if self._controller.fault == faults.NONE:
             self._controller.trip(fault)
-            self._tell_now()
+            self._publish_status()
 
-    def _tell_now(self, refused: str = '') -> None:
+    def _publish_status(self, refused: str = '') -> None:
         """Publish a fault that was not caused by a state, or why it was not cleared."""
-        stamp = self._controller.acts if self.lockstep else time.time_ns()
+        stamp = self._controller.applied_stamp if self.lockstep else time.time_ns()
         self._topics.publish_status(stamp, refused)
 
     def _answer_emergency_stop(
@@ -353,7 +353,7 @@ class ControllerNode(SuiteNode):
         if reason and before != faults.NONE:
             self.get_logger().warning(f'fault not cleared: {reason}')
         if self._controller.fault != before or (reason and before != faults.NONE):
-            self._tell_now(reason)
+            self._publish_status(reason)
         return reason
 
     def _renew_law(self) -> str:
@@ -361,15 +361,15 @@ class ControllerNode(SuiteNode):
         law = self._controller.law
         if law.foreign is None or law.foreign.ready:
             return ''
-        self.background.do(partial(self._begin_law, law.name, law.foreign, law.gains))
+        self.background.do(partial(self._start_law, law.name, law.foreign, law.gains))
         return f'the process of the law {law.name} has ended and starts again: clear once more'
 
-    def _begin_law(self, name: str, law: Foreign, gains: Any) -> None:
-        if law.ready:  # it was asked for twice
+    def _start_law(self, name: str, law: Foreign, gains: Any) -> None:
+        if law.ready:  # it was requested twice
             return
         self.get_logger().warning(f'{name}: {law.failure(gains)}; it starts again')
         try:
-            law.begin()
+            law.start()
         except InputError as error:
             self.get_logger().error(f'{name} does not start again: {error}')
 
@@ -383,13 +383,13 @@ class ControllerNode(SuiteNode):
         reason = '' if self._topics.send() else f'nobody subscribes to {name}'
         reason = reason or self._clear_fault()
         if reason:
-            self._topics.fall_silent()
+            self._topics.stop_publishing()
         return reason
 
     def _deactivate(self) -> None:
         """Send zero torque, and then nothing."""
         self._trip(faults.EMERGENCY_STOP)
-        self._topics.fall_silent()
+        self._topics.stop_publishing()
 
     def _answer_confirm_pose(
         self, _: Trigger.Request, response: Trigger.Response
@@ -397,7 +397,7 @@ class ControllerNode(SuiteNode):
         response.message = self._controller.confirm_pose()
         response.success = not response.message
         if response.success:
-            self._tell_now()
+            self._publish_status()
         return response
 
     def _warn(self, warnings: tuple[str, ...]) -> None:

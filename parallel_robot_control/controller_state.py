@@ -25,7 +25,7 @@ def rejoin(state: Any) -> None:
 
 def drop_torque(state: Any) -> None:
     """Zero torque was sent because no joint states can be trusted."""
-    state.torque = np.zeros(len(state.held))
+    state.torque = np.zeros(len(state.fault_position))
 
 
 def clear(state: Any) -> None:
@@ -35,7 +35,7 @@ def clear(state: Any) -> None:
         state.fault = faults.NONE
 
 
-def place(state: Any, pose: Array) -> None:
+def set_pose(state: Any, pose: Array) -> None:
     """Know the pose, shape (m,), or one near it on the same assembly mode."""
     state.pose, state.lost = pose, False
 
@@ -60,8 +60,8 @@ def switch(state: Any, before: PreparedLaw, after: PreparedLaw) -> None:
         after.reset_memory()
     elif after.memory is not before.memory:
         after.memory.current = before.memory.current
-    if state.known and not same(before, after):
-        state.excess, state.takes_over = np.zeros(len(state.held)), True
+    if state.initialized and not same(before, after):
+        state.excess, state.bumpless = np.zeros(len(state.fault_position)), True
 
 
 def restart(state: Any, guess: Array) -> None:
@@ -69,5 +69,5 @@ def restart(state: Any, guess: Array) -> None:
 
     `guess`: its pose, shape (m,).
     """
-    begun = cycle.initial_state(guess, len(state.held))
+    begun = cycle.initial_state(guess, len(state.fault_position))
     state.value = begun._replace(fault=state.fault, lost=state.lost)

@@ -9,7 +9,7 @@ import numpy as np
 from parallel_robot_control import repetition
 from parallel_robot_control.approach import (
     BACK,
-    GOES_ON,
+    CONTINUES,
     START,
     ApproachMemory,
     approached,
@@ -25,27 +25,27 @@ from parallel_robot_control.estimation.estimator import (
     Estimated,
     estimated,
 )
-from parallel_robot_control.prepared_law import Asked
-from parallel_robot_control.reference_buffer import moved_on
+from parallel_robot_control.prepared_law import LawOutput
+from parallel_robot_control.reference_buffer import extrapolated
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.checks import (
-    TOLD,
+    MIN_OUTAGE,
     ArrivalMemory,
+    ConsistencyMemory,
     MomentumMemory,
-    WaysMemory,
     arrival,
     inconsistent,
 )
 from parallel_robot_control.safety.limiting import EFFORT, When
 from parallel_robot_control.sense_and_act import act, sense
-from parallel_robot_control.terms import NO_PLACE, place_gradient
+from parallel_robot_control.terms import NO_PLACE_REQUESTED, place_gradient
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Boxed,
-    FirstClass,
+    FunctionValue,
     Struct,
     every,
-    inner,
+    internal,
     kernel,
     select,
     vector,
@@ -62,13 +62,13 @@ class CycleState(NamedTuple):
     reference: Array  # desired angles [rad]
     torque: Array  # torque applied [N m]
     offset: Array  # subtracted from the demanded torque; fades to zero after a take-over [N m]
-    takes_over: bool  # whether the next torque must continue from `torque`
-    known: bool  # whether `position` and `reference` were measured
+    bumpless: bool  # bumpless transfer: whether the next torque must continue from `torque`
+    initialized: bool  # whether `position` and `reference` were measured
     excess: Array  # torque of the law that the limits cut off [N m]
-    held: Array  # joint angles at the moment of the fault [rad]
+    fault_position: Array  # joint angles at the moment of the fault [rad]
     fault: int  # NONE or the number of the fault, see faults.py; it is latched
     estimated: Estimated  # estimates of filter and differentiator; not used without one
-    begins: int  # what the next cycle begins: GOES_ON, START or BACK
+    begins: int  # what the next cycle begins: CONTINUES, START or BACK
     # whether the pose may be that of another assembly mode, see assembly_mode.py; it is latched
     lost: bool
 
@@ -81,7 +81,7 @@ class CycleMemory(NamedTuple):
     kalman: Any  # KalmanMemory
     lock_in: Any  # LockInMemory
     approach: Any  # ApproachMemory
-    ways: Any  # WaysMemory
+    consistency: Any  # ConsistencyMemory
     arrival: Any  # ArrivalMemory
     momentum: Any  # MomentumMemory
     repetition: Any  # RepetitionMemory
@@ -89,12 +89,12 @@ class CycleMemory(NamedTuple):
 
 def cycle_memory(state: CycleState, repetition_memory: Struct) -> Struct:
     """Memory before the first state; `repetition_memory`: what is remembered of turns."""
-    zero = vector(np.zeros(len(state.held)))
+    zero = vector(np.zeros(len(state.fault_position)))
     parts = (
         kalman.KalmanMemory,
         lock_in.LockInMemory,
         ApproachMemory,
-        WaysMemory,
+        ConsistencyMemory,
         ArrivalMemory,
         MomentumMemory,
     )
@@ -106,18 +106,20 @@ def cycle_memory(state: CycleState, repetition_memory: Struct) -> Struct:
 class ControlSetup(NamedTuple):
     """The constant parts of a controller, boxed; parameters as :func:`as_constants`."""
 
-    step: Any  # step of the law, as FirstClass
-    estimate: Any  # estimate of the robot module, as FirstClass
-    ahead: Any  # the same for states that are only judged, as FirstClass
-    locate: Any  # its forward kinematics, as FirstClass
+    step: Any  # step of the law, as FunctionValue
+    estimate: Any  # estimate of the robot module, as FunctionValue
+    estimate_coarse: Any  # the same for states that are only predicted, as FunctionValue
+    locate: Any  # its forward kinematics, as FunctionValue
     law: Any  # the law itself, an address; of one type for all laws
     place: int  # number of the coordinates of the place that the law asks for, see terms.py
     has_model: bool  # whether the law adds what the model knows, see repetition.py
     robot: Any  # constants of the nominal robot, boxed
     margins: Any  # its SafetyMargins
-    losing: int  # its faults at which it has no pose, as bits
+    pose_loss_mask: int  # its faults at which it has no pose, as bits
     period: float  # of the samples [s]
-    turn: int  # samples of a turn from which the next one learns; 0: nothing is learned
+    repetition_samples: (
+        int  # samples of a turn from which the next one learns; 0: nothing is learned
+    )
     identifies: bool  # whether the age of the states is identified
     safety: Any  # SafetyParameters, boxed, as all that follow; see as_limits
     estimator: Any  # EstimatorParameters, settled
@@ -132,7 +134,7 @@ class Cycle(NamedTuple):
 
     torque: Array  # commanded torque [N m], shape (n,)
     telemetry: Telemetry  # what is told of it
-    acted: int  # bits of the limits that acted
+    active_limits: int  # bits of the limits that acted
     cause: int  # fault whose cause is there now, else NONE; the latched one is in the state
 
 
@@ -147,7 +149,7 @@ def initial_state(pose: Array, joints: int) -> CycleState:
     return state._replace(pose=vector(pose), begins=START)
 
 
-@inner
+@internal
 def join(state: Any, torque: Array) -> None:
     """Let the law begin anew, with an approach from where the robot is.
 
@@ -155,17 +157,17 @@ def join(state: Any, torque: Array) -> None:
     last one.
     """
     state.torque = select(np.abs(torque) < np.inf, torque, state.torque)
-    state.excess, state.takes_over, state.begins = np.zeros_like(torque), True, BACK
+    state.excess, state.bumpless, state.begins = np.zeros_like(torque), True, BACK
 
 
-@inner
+@internal
 def trip(state: Any, fault: int) -> None:
     """Enter a fault, if there is one, unless the controller already is in one."""
     if state.fault == faults.NONE and fault != faults.NONE:
-        state.fault, state.held = fault, state.position
+        state.fault, state.fault_position = fault, state.position
 
 
-@inner
+@internal
 def before_cycle(state: Any, torque: Array, cause: int, joins: bool) -> None:
     """Make the state what a cycle begins with.
 
@@ -211,61 +213,63 @@ def run_cycle(
     safety, estimator, memory, dt = setup.safety, setup.estimator, setup.memory, when.dt
     seen, position = position, position - estimator.zero_angle
     state, identifies = memory.state, setup.identifies
-    known = state.known
+    initialized = state.initialized
     if identifies:
-        lock_in.begin(setup, when.sample, known, state.fault != faults.NONE)
-    tracks, late = estimator.kind == KALMAN, when.age + lock_in.delay_at(setup, known)
-    then = moved_on(desired, -late)
+        lock_in.reset(setup, when.sample, initialized, state.fault != faults.NONE)
+    tracks, late = estimator.kind == KALMAN, when.age + lock_in.delay_at(setup, initialized)
+    then = extrapolated(desired, -late)
     seen_error, seen_rate = then.position - seen, then.velocity - velocity
     # 1. Whether the last torque acted. After a gap, or when it acts again, the law begins anew.
-    gap, begun = known and dt > safety.gap, state.begins
-    told = arrival(setup, effort, when, known, known and not gap)
-    excess, anew = state.excess + told.missing, False
-    if (gap or told.back) and state.fault == faults.NONE:
+    gap, begun = initialized and dt > safety.gap, state.begins
+    delivered = arrival(setup, effort, when, initialized, initialized and not gap)
+    excess, anew = state.excess + delivered.missing, False
+    if (gap or delivered.restart) and state.fault == faults.NONE:
         join(state, effort)
         begun, anew, excess = BACK, True, state.excess
     if begun == BACK:
         memory.torques.tracked = False
     since = dt
     if tracks:
-        since = recent_torques.between(memory.torques, when.age, known, dt)
+        since = recent_torques.between(memory.torques, when.age, initialized, dt)
     # 2. Velocity, reference, pose, model and faults of the robot.
     if estimator.kind == FILTER or estimator.kind == LEVANT:
-        state.estimated = estimated(estimator, state.estimated, known, position, dt)
+        state.estimated = estimated(estimator, state.estimated, initialized, position, dt)
         velocity = state.estimated.velocity
     if tracks and not estimator.velocities:
         velocity = np.zeros_like(velocity)
-        if kalman.running(memory.torques, when.sample, known):
+        if kalman.running(memory.torques, when.sample, initialized):
             velocity = memory.kalman.mean.velocity
-    joined = approached(setup.approach, memory.approach, begun, desired, position, velocity, since)
-    reference = moved_on(joined, -late)
+    blended = approached(
+        setup.approach, memory.approach, begun, desired, position, velocity, since
+    )
+    reference = extrapolated(blended, -late)
     error = position - reference.position
     measured = (
         estimator.kind == NONE or estimator.kind == AGED or (tracks and estimator.velocities)
     )
-    comparable = known and measured and not gap
+    comparable = initialized and measured and not gap
     wrong = inconsistent(setup, position, velocity, comparable, dt)
-    obeys = told.waits or told.spell < safety.effort_timeout
-    doubt = select(obeys, wrong, faults.TORQUE_LOST)
-    sensed = sense(setup, desired, position, velocity, effort, doubt, when, since, late)
+    obeys = delivered.waits or delivered.outage < safety.effort_timeout
+    state_fault = select(obeys, wrong, faults.TORQUE_LOST)
+    sensed = sense(setup, desired, position, velocity, effort, state_fault, when, since, late)
     zero, place = np.zeros_like(position), np.zeros_like(sensed.model.M)
-    if setup.place != NO_PLACE and sensed.fault == faults.NONE:
+    if setup.place != NO_PLACE_REQUESTED and sensed.fault == faults.NONE:
         place = place_gradient(setup.locate, setup.robot, setup.place, position, sensed.pose)
     aged = estimator.kind == AGED  # `wanted` is the reference of the moment that the law is told
-    wanted, age = select(aged, joined, reference), select(aged, when.age, 0.0)
+    wanted, age = select(aged, blended, reference), select(aged, when.age, 0.0)
     feedback = Feedback(position, velocity, excess, zero, place, age)
     tracks = tracks and sensed.model.M[0, 0] > 0.0  # a fault may leave no model
     if tracks:
-        reference = moved_on(joined, estimator.command_delay + estimator.lag)
+        reference = extrapolated(blended, estimator.command_delay + estimator.lag)
         motion = kalman.predicted(
             setup,
             sensed.model,
-            joined,
+            blended,
             position,
             velocity,
             state.torque,
-            told.missing,
-            known,
+            delivered.missing,
+            initialized,
             when.sample,
             late + estimator.command_delay,
             dt,
@@ -275,32 +279,32 @@ def run_cycle(
         )
         wanted = reference
     # 3. The torque that the law asks for; in a fault it is not called.
-    asked, learned, correction = Asked(position, position, position), zero, zero
-    repeats = setup.turn > 0
+    demanded, learned, correction = LawOutput(position, position, position), zero, zero
+    repeats = setup.repetition_samples > 0
     if sensed.fault == faults.NONE:
         output = setup.step(setup.law, sensed.model, wanted, feedback, anew, dt)
-        in_vain = told.spell > 0.0 and not told.waits
+        unapplied = delivered.outage > 0.0 and not delivered.waits
         demand = output.torque
         if repeats:
-            alone = begun == GOES_ON and every(joined.position == desired.position)
+            alone = begun == CONTINUES and every(blended.position == desired.position)
             learned = repetition.recalled(
-                setup, when.sample, known, alone, state.takes_over, desired
+                setup, when.sample, initialized, alone, state.bumpless, desired
             )
             correction = repetition.correction(setup, sensed.model, reference, feedback, demand)
             demand = demand + learned
-        torque = select(in_vain, state.torque, demand)
+        torque = select(unapplied, state.torque, demand)
         if identifies:
             torque = torque + lock_in.added(setup, when.sample)
-        asked = Asked(torque, output.sliding_variable, output.coupled_error)
+        demanded = LawOutput(torque, output.sliding_variable, output.coupled_error)
     # 4. The same within the limits, or the safe action.
     blind = wrong != faults.NONE
-    done, acted = act(setup, desired, position, velocity, sensed, blind, asked, dt)
-    state.pose, state.lost, state.begins = sensed.pose, sensed.lost, GOES_ON
+    done, active_limits = act(setup, desired, position, velocity, sensed, blind, demanded, dt)
+    state.pose, state.lost, state.begins = sensed.pose, sensed.lost, CONTINUES
     # Also without a filter: a law that comes next may have one.
-    recent_torques.remember(setup, when.sample, done.torque, learned, tracks)
+    recent_torques.record(setup, when.sample, done.torque, learned, tracks)
     if repeats and state.fault == faults.NONE:
         finds = lock_in.phase(setup, when.sample)
-        believed = acted == 0 and told.spell == 0.0 and finds != lock_in.UNDER_WAY
+        believed = active_limits == 0 and delivered.outage == 0.0 and finds != lock_in.RUNNING
         repetition.learn(setup, when.sample, desired, learned, correction, believed)
     if identifies:
         failed = state.fault != faults.NONE
@@ -308,13 +312,13 @@ def run_cycle(
     return Cycle(
         done.torque,
         Telemetry(seen_error, seen_rate, done.coupled_error, done.sliding_variable),
-        acted + select(told.spell >= TOLD, EFFORT, 0),
+        active_limits + select(delivered.outage >= MIN_OUTAGE, EFFORT, 0),
         sensed.cause,
     )
 
 
-def cycle_of(setup: Boxed) -> FirstClass:
+def cycle_of(setup: Boxed) -> FunctionValue:
     """The cycle of a ControlSetup as a value, so that loops are not compiled with all of it."""
-    row = setup.memory.state.held
+    row = setup.memory.state.fault_position
     reference, when = JointReference(row, row, row), When(0, 0.0, 1e-3)
-    return FirstClass(run_cycle, setup, reference, row, row, row, when)
+    return FunctionValue(run_cycle, setup, reference, row, row, row, when)

@@ -51,7 +51,7 @@ def _of_numbers(problem: str, joints: tuple[str, ...]) -> str:
 
 # Joint states that a controller does not answer: by which clocks, and what was wrong lately.
 
-LATELY = 0.2  # s, since a state was refused, in which that is told
+LATELY = 0.2  # s, since a state was refused, in which that is reported
 
 
 class RefusedStates:
@@ -76,7 +76,7 @@ class RefusedStates:
         """
         return min(time.time_ns(), self._clock_offset + time.monotonic_ns())
 
-    def judge(self, stamp: int) -> int:
+    def refusal(self, stamp: int) -> int:
         """Why a state with this stamp [ns] is refused: it waited in a queue, or is ahead."""
         clocks, limit = self._clocks(), round(self._limit * NANOSECONDS)
         if min(clocks) - stamp > limit:
@@ -91,24 +91,24 @@ class RefusedStates:
         self.count += 1
         return wrong
 
-    def told(self, stamp: int, problem: str, joints: tuple[str, ...]) -> dict[str, str]:
-        """What is wrong with the states, for people; see SuiteNode.doubts.
+    def warnings(self, stamp: int, problem: str, joints: tuple[str, ...]) -> dict[str, str]:
+        """What is wrong with the states, for people; see SuiteNode.warnings.
 
         Args:
             stamp: Stamp of the state that was answered last [ns].
             problem: What was wrong with the last message that was not understood.
             joints: Names of the joints.
         """
-        doubts, ahead = {}, stamp - max(self._clocks())
+        lines, ahead = {}, stamp - max(self._clocks())
         if time.monotonic() - self._noted_at < LATELY:
             wrong, difference = self._last
             if wrong == faults.STATES_AHEAD:
                 ahead = difference
             elif wrong == faults.STATES_LATE:
-                doubts['age'] = of_age(difference, self._limit)
+                lines['age'] = of_age(difference, self._limit)
             else:
-                doubts['numbers'] = _of_numbers(problem, joints)
-        return doubts | {'ahead': of_clock(ahead)}
+                lines['numbers'] = _of_numbers(problem, joints)
+        return lines | {'ahead': of_clock(ahead)}
 
     def _clocks(self) -> tuple[int, int, int]:
         """Present times that a stamp may be of [ns]."""
@@ -129,7 +129,7 @@ class StateRhythm:
     def __init__(self, period: int) -> None:
         """Prepare; `period` is that of the configuration [ns]."""
         # from a state to the next [ns]: that of the configuration while it fits
-        self.period = self._told = period
+        self.period = self._expected = period
         self.skipped = 0  # number of states that were not answered, or never arrived
         # of what was looked at last: the same, how many were due, the longest step [ns]
         self.last = 0, 0, 0
@@ -153,10 +153,10 @@ class StateRhythm:
         steps = steps[(steps > 0) & (steps < PAUSE)]
         if not len(steps):
             return
-        periods = _periods(steps, self._told)
-        near = abs(steps.sum() / (periods.sum() * self._told) - 1.0) < NEAR
+        periods = _periods(steps, self._expected)
+        near = abs(steps.sum() / (periods.sum() * self._expected) - 1.0) < NEAR
         fits = near and np.mean(periods == 1) > SINGLE
-        self.period = self._told if fits else usual_period(steps)
+        self.period = self._expected if fits else usual_period(steps)
         # Each by itself counts steps that are long by chance, all together a period that is.
         due = min(_periods(steps, self.period).sum(), round(steps.sum() / self.period))
         missing = max(0, int(due) - len(steps))
@@ -164,13 +164,13 @@ class StateRhythm:
         self.last = missing, missing + len(steps), int(steps.max())
 
     @property
-    def doubt(self) -> str:
+    def warning(self) -> str:
         """That the period of the configuration is another one; empty if it fits."""
-        if self.period == self._told:
+        if self.period == self._expected:
             return ''
-        come, told = (NANOSECONDS / each for each in (self.period, self._told))
+        found, expected = (NANOSECONDS / each for each in (self.period, self._expected))
         return (
-            f'joint states come at {come:.4g} Hz, the period says {told:.4g} Hz: '
+            f'joint states come at {found:.4g} Hz, the period says {expected:.4g} Hz: '
             f'give the controller the period {self.period / NANOSECONDS:.4g}'
         )
 
@@ -185,7 +185,7 @@ class HeldCommands:
 
     def __init__(self) -> None:
         """Begin with none."""
-        self.doubt = ''  # that they do; empty if not
+        self.warning = ''  # that they do; empty if not
         self._noted: deque[tuple[Array, Array]] = deque()
 
     def note(self, efforts: Array, commands: Array) -> None:
@@ -195,29 +195,29 @@ class HeldCommands:
     def look(self) -> None:
         """Take in what was noted since the last time; in one thread alone."""
         new = [self._noted.popleft() for _ in range(len(self._noted))]
-        self.doubt = ''
+        self.warning = ''
         if not new:
             return
-        acts, asked = (
+        applied, commanded = (
             (np.diff(np.concatenate(rows), axis=0) != 0.0).any(axis=1)
             for rows in zip(*new, strict=True)
         )
-        spans = np.diff(np.flatnonzero(acts))
-        if len(spans) <= FEW or asked.mean() < MOST:
+        spans = np.diff(np.flatnonzero(applied))
+        if len(spans) <= FEW or commanded.mean() < MOST:
             return
         usual = int(np.median(spans))
         if usual > 1 and np.mean(spans == usual) > MOST:
-            self.doubt = (
+            self.warning = (
                 f'efforts change with 1 of {usual} states, commands with each: has the effort '
                 'controller an update_rate of its own? (docs/hardware.md)'
             )
 
 
-# States that are missing, told with their likely cause.
+# States that are missing, reported with their likely cause.
 
 HELD = 0.1  # share of the states, from which on real time is not held
-MISSING = 0.02  # share of the states, from which on it is told that they are missing
-UNTOLD = 10.0  # s without that, after which it is told anew
+MISSING = 0.02  # share of the states, from which on they are reported missing
+UNTOLD = 10.0  # s without that, after which it is reported anew
 BROADCASTER = (
     'ros2_control_node needs chrt -f 25, else its publishing thread has normal priority '
     '(docs/hardware.md)'
@@ -240,7 +240,7 @@ def of_missing(missing: int, due: int, longest: int, sent: bool) -> str:
 
 
 class MissingStates:
-    """Which states were missing within the last second, by their stamps, and whether it is told.
+    """Which states were missing within the last second, by their stamps; whether to report it.
 
     Those that were sent the middleware numbers: they came too late to be answered, or not at all.
     """
@@ -262,19 +262,19 @@ class MissingStates:
             late: Largest age of a state when it was answered [s].
         """
         (missing, due, longest), now = last, time.monotonic()
-        in_vain, self._taken = min(missing, taken - self._taken), taken
+        unapplied, self._taken = min(missing, taken - self._taken), taken
         share = 100 * missing / max(due, 1)
         self.figures = f'{share:.2g} %, longest gap {1e3 * longest / NANOSECONDS:.3g} ms'
-        unsent, self.sent = missing - in_vain, ''
-        if unsent > MISSING * due or (longest > self._gap and unsent > in_vain):
+        unsent, self.sent = missing - unapplied, ''
+        if unsent > MISSING * due or (longest > self._gap and unsent > unapplied):
             self.never_sent = of_missing(unsent, due, longest, False)
             if late * NANOSECONDS > self._gap:
                 self.never_sent += f'; others come up to {1e3 * late:.3g} ms late'
             self._never_sent_at = now
         elif now - self._never_sent_at > UNTOLD:
             self.never_sent = ''
-        if in_vain > HELD * due:
-            self.sent = of_missing(in_vain, due, longest, True)
+        if unapplied > HELD * due:
+            self.sent = of_missing(unapplied, due, longest, True)
 
 
 def _periods(steps: NDArray[np.int64], period: int) -> Array:

@@ -12,14 +12,14 @@ from parallel_robot_control.answer_kernel import answer
 from parallel_robot_control.assembly import assemble, memory_of
 from parallel_robot_control.configuration import ControlConfiguration
 from parallel_robot_control.cycle import cycle_of
-from parallel_robot_control.prepared_law import PreparedLaw, renewed
-from parallel_robot_model.compiler import Boxed, FirstClass, Struct, entry_point
+from parallel_robot_control.prepared_law import PreparedLaw, with_gains
+from parallel_robot_model.compiler import Boxed, FunctionValue, Struct, entry_point
 
 
 class Core(NamedTuple):
     """A law with everything that its cycle needs, boxed; of one type for all laws."""
 
-    cycle: FirstClass
+    cycle: FunctionValue
     setup: Boxed  # ControlSetup
     common: Struct  # see answer_kernel.Common
 
@@ -49,7 +49,7 @@ class LawCores:
         self._common = common
         self._kind: Any = None  # of the compiled cores
         self.memory = memory_of(configuration)
-        self._made: dict[str, LawCore] = {}  # the newest core of each law
+        self._cores: dict[str, LawCore] = {}  # the newest core of each law
         for law in configuration.laws:
             core = self.make(configuration, law)
         self.answer = entry_point(answer, core.compiled, wire, b'', 0, 0)  # with any core
@@ -68,18 +68,20 @@ class LawCores:
             InputError: the law cannot be used.
         """
         name = law or configuration.loop.law
-        made = self._made.get(name)
-        known = made and renewed(made.law, configuration.laws[name], configuration.gains[name])
-        if made and known:
-            before = made.compiled.setup
-            setup = Boxed(before.value._replace(law=known.law), before._numba_type_)
+        core_before = self._cores.get(name)
+        prepared = core_before and with_gains(
+            core_before.law, configuration.laws[name], configuration.gains[name]
+        )
+        if core_before and prepared:
+            before = core_before.compiled.setup
+            setup = Boxed(before.value._replace(law=prepared.law), before._numba_type_)
         else:
-            known, setup, _ = assemble(configuration, name, self.memory)
+            prepared, setup, _ = assemble(configuration, name, self.memory)
         if self._kind is None:
             self._cycle = cycle_of(setup)  # the kernels are those of all laws
         compiled = Boxed(Core(self._cycle, setup, self._common), self._kind)
         self._kind = compiled._numba_type_
-        core = self._made[name] = LawCore(configuration, known, compiled)
+        core = self._cores[name] = LawCore(configuration, prepared, compiled)
         return core
 
 

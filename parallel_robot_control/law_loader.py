@@ -17,7 +17,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import plain
 from parallel_robot_model.processes import custom_module
-from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
+from parallel_robot_model.processes.child_process import CALL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED
 
 # Titles of custom laws: a line ``TITLE = 'my law'`` of their files, which is read, not run.
@@ -78,18 +78,18 @@ def load(path: str) -> tuple[str, Law]:
     Raises:
         InputError: the file does not exist, cannot be imported or is not a law.
     """
-    stands_for = source_of if is_foreign(path) else None
-    name, module = custom_module.load(path, LAWS_KEY, NEEDED, NEEDED[:1], rehearse, stands_for)
+    translate = source_of if is_foreign(path) else None
+    name, module = custom_module.load(path, LAWS_KEY, NEEDED, NEEDED[:1], dry_run, translate)
     law = _law(module)
     _learn_title(name, law)
     return name, law
 
 
-def rehearse(law: ModuleType) -> None:
+def dry_run(law: ModuleType) -> None:
     """Call what a law has in Python; what it raises is reported where it is called again."""
-    with contextlib.suppress(*RAISED), trial_step('judge', TRIAL_LIMIT):
-        law.judge(law.Gains())
-    with contextlib.suppress(*RAISED), trial_step('initial_memory', TRIAL_LIMIT):
+    with contextlib.suppress(*RAISED), trial_step('validate_gains', CALL_LIMIT):
+        law.validate_gains(law.Gains())
+    with contextlib.suppress(*RAISED), trial_step('initial_memory', CALL_LIMIT):
         law.initial_memory(3)
 
 

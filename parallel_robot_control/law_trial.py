@@ -22,7 +22,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import as_arrays, as_vectors, plain_type, shape_of
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.processes import child_process, custom_module
-from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
+from parallel_robot_model.processes.child_process import CALL_LIMIT, trial_step
 from parallel_robot_model.processes.custom_module import RAISED, import_file
 from parallel_robot_model.robots.contract import Model
 
@@ -62,7 +62,7 @@ def _wrong_shapes(output: ControlOutput, joints: int, memory: Any) -> str:
 
 
 def wrong_memory(memory: Any) -> str:
-    """Which fields of a memory cannot be kept, and what can; or nothing.
+    """Which fields of a memory have unusable types, and which types are allowed; or nothing.
 
     Args:
         memory: Memory before the first update, with vectors.
@@ -72,8 +72,8 @@ def wrong_memory(memory: Any) -> str:
         for field, value in leaves('memory', memory)
         if plain_type(value) is None
     ]
-    kept = 'numbers and arrays of float64, int64 or bool'
-    return f'{", ".join(mistakes)}, but a memory is made of {kept}' if mistakes else ''
+    allowed = 'numbers and arrays of float64, int64 or bool'
+    return f'{", ".join(mistakes)}, but a memory is made of {allowed}' if mistakes else ''
 
 
 def leaves(name: str, value: Any) -> Iterator[tuple[str, Array | float]]:
@@ -176,9 +176,9 @@ def _raised(error: BaseException, file: Path) -> str:
 
 def _run(law: Any, gains: Any, joints: int) -> list[str]:
     """Update a law several times with a number of joints; what it does that it should not."""
-    with trial_step('initial_memory', TRIAL_LIMIT):
-        memory, again = (as_arrays(law.initial_memory(joints)) for _ in range(2))
-    differs = [] if _equal(memory, again) else ['initial_memory']
+    with trial_step('initial_memory', CALL_LIMIT):
+        memory, second = (as_arrays(law.initial_memory(joints)) for _ in range(2))
+    differs = [] if _equal(memory, second) else ['initial_memory']
     first = copy.deepcopy(memory)  # an update may write into it
     remembers = not any(map(np.size, _values(first)))
     random = np.random.default_rng(joints)
@@ -191,7 +191,7 @@ def _run(law: Any, gains: Any, joints: int) -> list[str]:
             with trial_step('the compilation of update'):
                 given = _compiled_for(law, words)
         copied = copy.deepcopy(words)
-        with trial_step('update', TRIAL_LIMIT):
+        with trial_step('update', CALL_LIMIT):
             try:
                 output = law.update(*given(words))
                 if not _equal(output, law.update(*given(copied))):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_control.safety import limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import Boxed, inner
+from parallel_robot_model.compiler import Boxed, internal
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.cdr import ENCAPSULATION, SPARE
 from parallel_robot_model.messages.topics import TELEMETRY, Telemetry, Topic
@@ -32,15 +32,15 @@ class Status(NamedTuple):
 
     law: str  # name of the active law
     fault: Fault | None  # the present fault, if there is one
-    acted: int  # bits of the limits that acted, until none has done so for a while
+    active_limits: int  # bits of the limits that acted, until none has done so for a while
     delay: str = ''  # what is known of the age of the states; empty where it is not identified
-    # the pose that the controller was told, numbers with commas; LOST where it must be
+    # the pose that was reported to the controller, numbers with commas; LOST where it must be
     pose: str = ''
     refused: str = ''  # why a fault was not cleared just now
 
 
 def reported_limits(
-    acted: np.ndarray,
+    active_limits: np.ndarray,
     stamps: np.ndarray,
     answered: np.ndarray,
     begins: Collection[int],
@@ -49,24 +49,24 @@ def reported_limits(
     """Bits of the limits in the status after each state, shape (N,).
 
     Args:
-        acted: Bits of those that acted at the state, shape (N,).
+        active_limits: Bits of those that acted at the state, shape (N,).
         stamps: Of the states [ns], shape (N,).
         answered: Whether the state was answered, shape (N,).
         begins: Rows at which a controller begins that knows of none before.
         before: Bits in the status before, and the stamp of the last state at which one acted [ns].
     """
-    told = np.zeros_like(acted)
+    reported = np.zeros_like(active_limits)
     shown, last = before
-    if not acted.any() and not shown:
-        return told
+    if not active_limits.any() and not shown:
+        return reported
     for k in np.flatnonzero(answered).tolist():
         shown = 0 if k in begins else shown
-        if acted[k]:
-            shown, last = shown | int(acted[k]), int(stamps[k])
+        if active_limits[k]:
+            shown, last = shown | int(active_limits[k]), int(stamps[k])
         elif stamps[k] - last >= limiting.QUIET * NANOSECONDS:
             shown = 0
-        told[k] = shown
-    return told
+        reported[k] = shown
+    return reported
 
 
 FIELDS = ('position', 'velocity')  # of the messages that tell of a cycle
@@ -100,7 +100,7 @@ def telemetry_fields(telemetry: Telemetry) -> dict[Topic, dict[str, np.ndarray]]
 
 
 def answers_message(stamps: np.ndarray, torques: np.ndarray) -> bytes:
-    """Some commands and when they were asked for, as an Int64MultiArray.
+    """Some commands and their stamps, as an Int64MultiArray.
 
     One row per command, in the order of the commands: three stamps, and the bits of the torques.
 
@@ -114,30 +114,33 @@ def answers_message(stamps: np.ndarray, torques: np.ndarray) -> bytes:
     return head.tobytes() + rows.tobytes()
 
 
-def limits_text(acted: int) -> str:
+def limits_text(active_limits: int) -> str:
     """The limits that acted, by name."""
-    return ', '.join(text for bit, text in limiting.ACTED_TEXT.items() if acted & bit) or 'none'
+    return (
+        ', '.join(text for bit, text in limiting.LIMIT_TEXT.items() if active_limits & bit)
+        or 'none'
+    )
 
 
-def limit_codes(acted: int) -> str:
+def limit_codes(active_limits: int) -> str:
     """Codes of the limits that acted, separated by commas; empty when none did."""
-    return ','.join(code for bit, code in limiting.ACTED_CODE.items() if acted & bit)
+    return ','.join(code for bit, code in limiting.LIMIT_CODE.items() if active_limits & bit)
 
 
 def status_message(stamp: int, status: Status) -> bytes:
     """A status since a stamp [ns] as a diagnostic_msgs/DiagnosticArray of one status."""
     if status.fault:
         level, text = ERROR, f'fault: {status.fault.text}'
-    elif status.acted:
-        level, text = WARN, f'acted: {limits_text(status.acted)}'
+    elif status.active_limits:
+        level, text = WARN, f'acted: {limits_text(status.active_limits)}'
     else:
         level, text = OK, 'ok'
     values = {
         LAW: status.law,
         FAULT: status.fault.text if status.fault else 'none',
         FAULT_CODE: status.fault.key if status.fault else NO_FAULT,
-        LIMITS: limits_text(status.acted),
-        LIMIT_CODES: limit_codes(status.acted),
+        LIMITS: limits_text(status.active_limits),
+        LIMIT_CODES: limit_codes(status.active_limits),
     }
     if status.delay:
         values[DELAY] = status.delay
@@ -155,7 +158,7 @@ def status_message(stamp: int, status: Status) -> bytes:
 NOT_UNDERSTOOD = -1  # stamp that marks a message of another layout, or with an invalid stamp
 
 
-class Wire(NamedTuple):
+class MessageLayout(NamedTuple):
     """Where the numbers of one kind of message lie, boxed; the arrays are those of the reader."""
 
     template: NDArray[np.uint8]  # a message
@@ -169,7 +172,7 @@ class Wire(NamedTuple):
     row: Array  # the vector that was read last, shape (n,)
 
 
-def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Boxed:
+def message_layout(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> Boxed:
     """Make what the kernels need from a layout.
 
     Args:
@@ -181,7 +184,7 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
     known: Any = layout.dtype.fields
     starts = [(known[name][1] - offset) // 8 if name in known else -1 for name in fields]
     body = np.zeros(-(-len(layout.template) // 8) * 8 + 8, np.uint8)
-    wire = Wire(
+    wire = MessageLayout(
         layout.template.copy(),
         layout.constants.astype(np.int64),
         (known['sec'][1] - offset) // 4 if layout.stamped else -1,
@@ -195,8 +198,8 @@ def wire_of(layout: cdr.Layout, fields: Sequence[str], order: Sequence[int]) -> 
     return Boxed(wire)
 
 
-@inner
-def lay_open(wire: Any, data: bytes) -> bool:
+@internal
+def parse(wire: Any, data: bytes) -> bool:
     """Open a message for :func:`joint_row`; False if it has another layout."""
     template = wire.template
     if not len(template) <= len(data) < len(template) + SPARE:
@@ -210,14 +213,14 @@ def lay_open(wire: Any, data: bytes) -> bool:
     return True
 
 
-@inner
-def open_message(wire: Any, data: bytes) -> int:
+@internal
+def parse_stamped(wire: Any, data: bytes) -> int:
     """Open a message with a stamp for :func:`joint_row`.
 
     Returns:
         Its stamp [ns]; NOT_UNDERSTOOD if it has another layout or its stamp is invalid.
     """
-    if not lay_open(wire, data):
+    if not parse(wire, data):
         return NOT_UNDERSTOOD
     sec: Any = np.int64(wire.words[wire.stamp])
     nanosec = np.int64(wire.words[wire.stamp + 1])  # negative: 2^31 or more
@@ -226,12 +229,12 @@ def open_message(wire: Any, data: bytes) -> int:
     return sec * NANOSECONDS + nanosec
 
 
-@inner
+@internal
 def joint_row(wire: Any, field: int, missing: float = 0.0) -> Array:
     """A joint vector of the message that was opened last, shape (n,), valid until the next one.
 
     Args:
-        wire: See Wire.
+        wire: See MessageLayout.
         field: Which one, from 0.
         missing: What its numbers are where the layout does not have it.
     """

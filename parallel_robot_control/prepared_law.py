@@ -16,22 +16,22 @@ from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import InputError, first_line
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    ANY,
     INTERPRETED,
+    OPAQUE,
     Boxed,
-    FirstClass,
+    FunctionValue,
     Struct,
     arrays_of,
     as_arrays,
     as_vectors,
-    composed,
     is_finite,
     read_row,
     reason,
+    specialize,
     vector,
     vectors_of,
 )
-from parallel_robot_model.processes.custom_module import RAISED, distinguish
+from parallel_robot_model.processes.custom_module import RAISED, qualify_type_names
 from parallel_robot_model.robots.contract import Fault, Model
 
 # One step of a law, whose gains and memory the control cycle knows by their address alone.
@@ -51,8 +51,8 @@ class LawParts(NamedTuple):
     memory: Any  # its LawMemory, a Struct
 
 
-class Asked(NamedTuple):
-    """What a law asks for: torque [N m], sliding variable, e_c [rad], each shape (n,)."""
+class LawOutput(NamedTuple):
+    """What a law demands: torque [N m], sliding variable, e_c [rad], each shape (n,)."""
 
     torque: Array
     sliding_variable: Array
@@ -78,13 +78,13 @@ def step(
     feedback: Feedback,
     anew: bool,
     dt: float,
-) -> Asked:
+) -> LawOutput:
     """Update a law, with its first memory if `anew`; a torque that is no number changes none."""
     memory = law.memory.first if anew else law.memory.current
     output = update(law.gains, model, reference, feedback, memory, dt)
     if is_finite(output.torque):
         law.memory.current = output.memory
-    return Asked(output.torque, output.sliding_variable, output.coupled_error)
+    return LawOutput(output.torque, output.sliding_variable, output.coupled_error)
 
 
 def step_with_arrays(
@@ -94,7 +94,7 @@ def step_with_arrays(
     feedback: Feedback,
     anew: bool,
     dt: float,
-) -> Asked:
+) -> LawOutput:
     """The same for a law that works with arrays: its update gets copies of the vectors."""
     before, row = law.memory.first if anew else law.memory.current, feedback.position
     memory = arrays_of(before)
@@ -104,7 +104,7 @@ def step_with_arrays(
     torque = read_row(output.torque, 0, row)
     if is_finite(torque):
         law.memory.current = vectors_of(output.memory, before)
-    return Asked(
+    return LawOutput(
         torque, read_row(output.sliding_variable, 0, row), read_row(output.coupled_error, 0, row)
     )
 
@@ -112,7 +112,7 @@ def step_with_arrays(
 @functools.cache
 def stepping(update: Any, arrays: bool) -> Any:
     """The step of a law with an update, compiled for the law; `arrays`: that with arrays."""
-    return composed(step_with_arrays if arrays else step, update=update)
+    return specialize(step_with_arrays if arrays else step, update=update)
 
 
 NO_NUMBER = faults.FAULTS[faults.TORQUE_NOT_FINITE].key
@@ -124,7 +124,7 @@ class PreparedLaw(NamedTuple):
     name: str  # key of LAWS, or the name of a custom law
     gains: Any
     memory: Struct  # its LawMemory
-    step: FirstClass  # its compiled step
+    step: FunctionValue  # its compiled step
     law: Boxed  # what its step takes: the law as LawParts, boxed, of one type for all laws
     warnings: tuple[str, ...]  # objections of the theory to gains that are accepted all the same
     foreign: Foreign | None = None  # the foreign law that it is, if it is one
@@ -134,20 +134,20 @@ class PreparedLaw(NamedTuple):
         """Let the law remember what it does before its first step."""
         self.memory.current = self.memory.first
 
-    def begin(self) -> None:
+    def reset(self) -> None:
         """Forget what was before, as the process of a foreign law does, too."""
         self.reset_memory()
         if self.foreign is not None:
-            self.foreign.begin()
+            self.foreign.start()
 
-    def explained(self, fault: Fault) -> Fault:
+    def explain(self, fault: Fault) -> Fault:
         """A fault of a controller with this law, with what became of a foreign one."""
         if self.foreign is None or fault.key != NO_NUMBER:
             return fault
         return fault._replace(text=self.foreign.failure(self.gains) or fault.text)
 
 
-def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
+def validate_gains(name: str, law: Law, gains: Any) -> tuple[str, ...]:
     """Ask a law to check its gains.
 
     Returns:
@@ -157,11 +157,11 @@ def judge(name: str, law: Law, gains: Any) -> tuple[str, ...]:
         InputError: the theory of the law forbids them.
     """
     try:
-        return tuple(f'{name}: {text}' for text in law.judge(gains))
+        return tuple(f'{name}: {text}' for text in law.validate_gains(gains))
     except InputError as error:
         raise InputError(f'{name}: {error}', name) from None
     except RAISED as error:
-        raise InputError(f'{name}: judge: {first_line(error)}') from error
+        raise InputError(f'{name}: validate_gains: {first_line(error)}') from error
 
 
 def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
@@ -177,14 +177,14 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         InputError: the theory of the law forbids the gains, or a custom law does not compile or
             does not pass its trial.
     """
-    warnings = judge(name, law, gains)
+    warnings = validate_gains(name, law, gains)
     if not hasattr(law.update, 'py_func'):
         raise InputError(f'{name}: update is not compiled: put @kernel before it')
     try:
         memory = law.initial_memory(joints)
         if law.foreign is not None:
             law.foreign.choose(memory, gains)
-        distinguish(type(gains), type(memory))
+        qualify_type_names(type(gains), type(memory))
         typeof(memory)
     except InputError as error:
         raise InputError(f'{name}: {error}') from None
@@ -197,7 +197,7 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
     parts = Boxed(LawParts(Boxed(gains), Struct(LawMemory(memory, memory))))
     try:
         own = _compiled(stepping(law.update, False), parts, *_motion(row, matrix), False, 1e-3)
-        fits = INTERPRETED or own.signature().return_type == typeof(Asked(row, row, row))
+        fits = INTERPRETED or own.signature().return_type == typeof(LawOutput(row, row, row))
         unfit: Exception = InputError('what it returns')
     except Exception as error:  # if it is wrong with arrays, too, that is said of it
         fits, unfit = False, error
@@ -205,13 +205,13 @@ def prepare(name: str, law: Law, gains: Any, joints: int) -> PreparedLaw:
         own = _with_arrays(name, law, parts, joints)
     if name not in LAWS and law.foreign is None and not INTERPRETED:  # Python checks bounds itself
         warnings += law_trial.warnings_of(name, law, gains, joints)
-    step = own.erased(ANY)
+    step = own.type_erased(OPAQUE)
     why = '' if fits else reason(unfit, cast(Any, law.update).py_func)
-    of_any_type = Boxed(parts.value, ANY)
+    of_any_type = Boxed(parts.value, OPAQUE)
     return PreparedLaw(name, gains, parts.memory, step, of_any_type, warnings, law.foreign, why)
 
 
-def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
+def with_gains(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
     """A law that was prepared, with other gains and without the compiler.
 
     Args:
@@ -233,11 +233,11 @@ def renewed(before: PreparedLaw, law: Law, gains: Any) -> PreparedLaw | None:
     parts: LawParts = before.law.value
     if typeof(constants) != typeof(parts.gains):  # a list of another length
         return None
-    own = Boxed(parts._replace(gains=constants), ANY)
-    return before._replace(gains=gains, law=own, warnings=judge(before.name, law, gains))
+    own = Boxed(parts._replace(gains=constants), OPAQUE)
+    return before._replace(gains=gains, law=own, warnings=validate_gains(before.name, law, gains))
 
 
-def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
+def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FunctionValue:
     """The step of a law that works with arrays."""
     row, matrix, memory = np.zeros(joints), np.eye(joints), as_arrays(parts.memory.first)
     right = typeof(ControlOutput(row, row, row, memory))
@@ -253,9 +253,9 @@ def _with_arrays(name: str, law: Law, parts: Boxed, joints: int) -> FirstClass:
     raise InputError(f'{name}: {wrong}')
 
 
-def _compiled(function: Any, *example: Any) -> FirstClass:
+def _compiled(function: Any, *example: Any) -> FunctionValue:
     with warnings.catch_warnings(record=True) as said:  # none of code that does not compile
-        value = FirstClass(function, *example)
+        value = FunctionValue(function, *example)
     for each in said:
         warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
     return value

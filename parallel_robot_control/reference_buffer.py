@@ -1,4 +1,4 @@
-"""References by stamp: kept while a state may need them, extrapolated to its stamp."""
+"""References by stamp: stored while a state may need them, extrapolated to its stamp."""
 
 from __future__ import annotations
 
@@ -8,12 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.messages import NOT_UNDERSTOOD, joint_row, open_message, wire_of
+from parallel_robot_control.messages import (
+    NOT_UNDERSTOOD,
+    joint_row,
+    message_layout,
+    parse_stamped,
+)
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import (
     Boxed,
     entry_point,
-    inner,
+    internal,
     kernel,
     read_row,
     vector,
@@ -24,8 +29,8 @@ from parallel_robot_model.messages import layouts
 # A reference at a stamp between its samples: extrapolated with its own derivatives.
 
 
-@inner
-def moved_on(reference: JointReference, time: float) -> JointReference:
+@internal
+def extrapolated(reference: JointReference, time: float) -> JointReference:
     """The reference some time after its own [s], or before, with its acceleration held."""
     return JointReference(
         reference.position + time * (reference.velocity + 0.5 * time * reference.acceleration),
@@ -34,7 +39,7 @@ def moved_on(reference: JointReference, time: float) -> JointReference:
     )
 
 
-@inner
+@internal
 def reference_row(rows: Any, index: int, like: Array) -> JointReference:
     """A row of many references; `like` is any vector of shape (n,)."""
     return JointReference(
@@ -47,7 +52,7 @@ def reference_row(rows: Any, index: int, like: Array) -> JointReference:
 @kernel
 def extrapolate(age: int, reference: JointReference) -> JointReference:
     """A reference some time after its own stamp [ns], at constant acceleration."""
-    return reference if age == 0 else moved_on(reference, age / NANOSECONDS)
+    return reference if age == 0 else extrapolated(reference, age / NANOSECONDS)
 
 
 def extrapolate_rows(
@@ -68,13 +73,13 @@ def extrapolate_rows(
 
 @kernel
 def _extrapolate_rows(
-    ages: NDArray[np.int64], rows: JointReference, like: Array
+    ages: NDArray[np.int64], rows: JointReference, template: Array
 ) -> JointReference:
-    """See :func:`extrapolate_rows`; `like` is a vector of shape (n,)."""
+    """See :func:`extrapolate_rows`; `template` is a vector of shape (n,)."""
     shape = rows.position.shape
     later = JointReference(np.empty(shape), np.empty(shape), np.empty(shape))
     for k in range(len(ages)):
-        row = extrapolate(ages[k], reference_row(rows, k, like))
+        row = extrapolate(ages[k], reference_row(rows, k, template))
         write_row(later.position, k, row.position)
         write_row(later.velocity, k, row.velocity)
         write_row(later.acceleration, k, row.acceleration)
@@ -108,7 +113,7 @@ class ReferenceBuffer:
         # the Buffer for the kernels of this module
         self.compiled = Boxed(Buffer(self._stamps, self._rows, self._window))
         layout = layouts.joint_trajectory(joints)
-        self._wire = wire_of(layout, REFERENCE_FIELDS, range(len(joints)))
+        self._wire = message_layout(layout, REFERENCE_FIELDS, range(len(joints)))
         self._append = entry_point(append_message, self.compiled, self._wire, b'')
 
     def __len__(self) -> int:
@@ -141,8 +146,8 @@ class ReferenceBuffer:
         order = IN_ORDER
         if len(self) and stamp <= self.newest:
             if not lockstep and self.newest - stamp < RESTART:
-                known = self.at(stamp)
-                same = known is None or all(map(np.array_equal, known, reference))
+                existing = self.at(stamp)
+                same = existing is None or all(map(np.array_equal, existing, reference))
                 return LATE if same else CONTRADICTS
             self.drop_since(stamp)
             order = IN_ORDER if lockstep else BACK
@@ -177,7 +182,7 @@ class ReferenceBuffer:
 @kernel
 def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
     """Add the reference of a message of a known layout if it is finite and the newest."""
-    stamp = open_message(wire, data)
+    stamp = parse_stamped(wire, data)
     if stamp == NOT_UNDERSTOOD:
         return False
     window, stamps, rows = buffer.window, buffer.stamps, buffer.rows
@@ -196,7 +201,7 @@ def append_message(buffer: Any, wire: Any, data: bytes) -> bool:
     return True
 
 
-@inner
+@internal
 def reference_at(
     buffer: Any, stamp: int, until: int, timeout: int, needs_newer: bool, row: Array
 ) -> tuple[int, int, JointReference]:
@@ -226,11 +231,11 @@ def reference_at(
         first = (first + 1) % SIZE
         count -= 1
     window[FIRST], window[COUNT] = first, count
-    known = stamps[first]
-    if known > stamp:
+    used_stamp = stamps[first]
+    if used_stamp > stamp:
         return MISSING, 0, nothing
-    age = stamp - known
+    age = stamp - used_stamp
     newest = read_row(rows, first, vector((row, row, row)))
     if age > timeout:  # at rest where it was
-        return TOO_OLD, known, JointReference(newest[0], zero, zero)
-    return FOUND, known, extrapolate(age, JointReference(newest[0], newest[1], newest[2]))
+        return TOO_OLD, used_stamp, JointReference(newest[0], zero, zero)
+    return FOUND, used_stamp, extrapolate(age, JointReference(newest[0], newest[1], newest[2]))

@@ -35,7 +35,7 @@ from parallel_robot_model.compiler import (
     Struct,
     clip,
     every,
-    inner,
+    internal,
     read_row,
     select,
     write_row,
@@ -48,7 +48,7 @@ OF_MOTION = 'motion'
 LONGEST = 60_000  # samples of a turn
 WIDEST = 1000  # samples to either side of the one for which Q is computed
 WIDTH = 3.5  # standard deviations, after which a Gaussian ends
-WHOLE = 1e-6  # samples by which a turn may miss a whole number of them
+INTEGER_TOLERANCE = 1e-6  # samples by which a turn may miss a whole number of them
 LOOKS = 64  # times of a turn at which a motion is compared with the next turn
 REPEATED = 1e-9  # of its size, by which it may differ there
 SAME = 1e-5  # rad, beside the way of one sample, by which a reference differs from another motion
@@ -81,7 +81,7 @@ class RepetitionMemory(NamedTuple):
     newest: int  # sample
     next: int  # row that is to be emptied
     stop: int  # and the one after the last of them
-    calm: int  # since how many samples the law has been alone
+    steady_samples: int  # since how many samples the law has been alone
     weight: float  # of what was learned
     model: bool  # whether the law knows the model
     weights: Array  # of Q, from its centre on, shape (side + 1,)
@@ -91,22 +91,24 @@ class RepetitionMemory(NamedTuple):
 
 
 def repetition_memory(
-    parameters: RepetitionParameters, joints: int, turn: int, period: float
+    parameters: RepetitionParameters, joints: int, samples: int, period: float
 ) -> Struct:
     """Before the first turn.
 
     Args:
         parameters: The parameters.
         joints: Number of the actuated joints, n.
-        turn: Samples of a turn, of :func:`turn_of`; 0 where nothing is learned.
+        samples: Samples of a turn, of :func:`repetition_samples_of`; 0 where nothing is learned.
         period: Control period [s].
     """
-    weights = weights_of(parameters.cutoff, period) if turn else np.ones(1)
-    rows = [np.zeros((turn, joints)) for _ in range(3)]
+    weights = weights_of(parameters.cutoff, period) if samples else np.ones(1)
+    rows = [np.zeros((samples, joints)) for _ in range(3)]
     return Struct(RepetitionMemory(0, 0, 0, 0, 0.0, False, weights, *rows))
 
 
-def turn_of(parameters: RepetitionParameters, trajectory: Trajectory, period: float) -> int:
+def repetition_samples_of(
+    parameters: RepetitionParameters, trajectory: Trajectory, period: float
+) -> int:
     """Samples of a turn.
 
     Args:
@@ -123,28 +125,28 @@ def turn_of(parameters: RepetitionParameters, trajectory: Trajectory, period: fl
     time = trajectory.span if given == OF_MOTION else float(given)
     if given == OF_MOTION and (time == 0.0 or not repeats(trajectory, time)):
         raise InputError(f'repetition.gain must be 0: {name} does not repeat', 'repetition.gain')
-    turn = round(time / period)
-    if abs(time / period - turn) > WHOLE:
+    samples = round(time / period)
+    if abs(time / period - samples) > INTEGER_TOLERANCE:
         text = f'{key} must be a whole number of samples of {period:g} s, not {time / period:.9g}'
-        if given == OF_MOTION and turn:
-            factor = trajectory.parameters.speed_factor * time / (turn * period)
+        if given == OF_MOTION and samples:
+            factor = trajectory.parameters.speed_factor * time / (samples * period)
             text += f': trajectory.speed_factor {factor:.17g} makes {name} so'
         raise InputError(text, key)
-    if not 1 <= turn <= LONGEST:
+    if not 1 <= samples <= LONGEST:
         raise InputError(f'{key} must be {period:g} to {LONGEST * period:g} s, not {time:g}', key)
     if not repeats(trajectory, time):
         raise InputError(f'{key} must be that of the motion: {name} does not repeat after '
                          f'{time:g} s', key)  # fmt: skip
     lead, side = round(parameters.lead / period), len(weights_of(parameters.cutoff, period)) - 1
-    most = min(WIDEST, (turn - lead - 1) // 2)
+    most = min(WIDEST, (samples - lead - 1) // 2)
     if side > most:
         least = parameters.cutoff * side / max(most - 2, 1)
         raise InputError(
-            f'repetition.cutoff must be at least {least:.3g} Hz with turns of {turn} samples, '
+            f'repetition.cutoff must be at least {least:.3g} Hz with turns of {samples} samples, '
             f'not {parameters.cutoff:g}',
             'repetition.cutoff',
         )
-    return turn
+    return samples
 
 
 def repeats(trajectory: Trajectory, time: float) -> bool:
@@ -170,11 +172,11 @@ def weights_of(cutoff: float, period: float) -> Array:
     return weights
 
 
-@inner
+@internal
 def recalled(
     setup: Any,
     sample: int,
-    known: bool,
+    initialized: bool,
     alone: bool,
     switched: bool,
     reference: JointReference,
@@ -184,35 +186,39 @@ def recalled(
     Args:
         setup: The ControlSetup.
         sample: Index of the sample.
-        known: Whether there was a state before.
+        initialized: Whether there was a state before.
         alone: Whether the desired motion is followed without an approach.
         switched: Whether law or gains are new.
         reference: The desired motion.
     """
-    at, turn, zero = setup.memory.repetition, setup.turn, np.zeros_like(reference.position)
+    at, samples, zero = (
+        setup.memory.repetition,
+        setup.repetition_samples,
+        np.zeros_like(reference.position),
+    )
     # 1. A memory that is empty: its rows are emptied one by one, before each is used.
-    if not known or sample <= at.newest or at.model != setup.has_model:
+    if not initialized or sample <= at.newest or at.model != setup.has_model:
         at.next = sample - samples_of(setup, setup.repetition.lead) - 2 * _side(at)
-        at.stop = at.next + turn
-        at.newest, at.calm, at.weight, at.model = sample, 0, 0.0, setup.has_model
+        at.stop = at.next + samples
+        at.newest, at.steady_samples, at.weight, at.model = sample, 0, 0.0, setup.has_model
     stop = min(at.stop, sample + 1)
     for k in range(at.next, stop):
-        write_row(at.reference, k % turn, zero + np.nan)
-        write_row(at.learned, k % turn, zero)
-        write_row(at.added, k % turn, zero)
+        write_row(at.reference, k % samples, zero + np.nan)
+        write_row(at.learned, k % samples, zero)
+        write_row(at.added, k % samples, zero)
     at.next = max(at.next, stop)
     # 2. How long nothing has disturbed the law, and how much of what it learned counts.
-    at.calm = select(alone and not switched, at.calm + (sample - at.newest), 0)
-    ready = at.weight > 0.0 or at.calm >= samples_of(setup, setup.repetition.wait)
+    at.steady_samples = select(alone and not switched, at.steady_samples + (sample - at.newest), 0)
+    ready = at.weight > 0.0 or at.steady_samples >= samples_of(setup, setup.repetition.wait)
     comes = _repeated(setup, sample, reference) and ready
     fade = setup.period / FADE
     fade = select(comes, fade, -fade)
     at.weight = select(alone, clip(at.weight + fade, 0.0, 1.0), 0.0)
     at.newest = sample
-    return at.weight * read_row(at.added, sample % turn, zero)
+    return at.weight * read_row(at.added, sample % samples, zero)
 
 
-@inner
+@internal
 def correction(
     setup: Any,
     model: Model,
@@ -226,7 +232,7 @@ def correction(
     return torque - inverse_dynamics(model, reference.acceleration, feedback.velocity)
 
 
-@inner
+@internal
 def learn(
     setup: Any,
     sample: int,
@@ -245,50 +251,52 @@ def learn(
         correction: Torque of the law beyond what the model knows [N m], shape (n,).
         believed: Whether it is known that the correction was applied.
     """
-    at, turn, gain = setup.memory.repetition, setup.turn, setup.repetition.gain
+    at, samples, gain = setup.memory.repetition, setup.repetition_samples, setup.repetition.gain
     limit = setup.safety.torque_limit
     lead = samples_of(setup, setup.repetition.lead)
     wait = samples_of(setup, setup.repetition.wait)
-    if at.calm < wait:
+    if at.steady_samples < wait:
         return
-    row, zero = sample % turn, np.zeros_like(added)
+    row, zero = sample % samples, np.zeros_like(added)
     before = read_row(at.added, row, zero)
     before = select(_repeated(setup, sample, reference), before, zero)
     write_row(at.learned, row, before + gain * (added - before))
     write_row(at.reference, row, reference.position)
     late = sample - lead
-    if believed and at.calm >= wait + lead:
-        learned = read_row(at.learned, late % turn, zero) + gain * correction
-        write_row(at.learned, late % turn, clip(learned, -limit, limit))
-    centre = (late - _side(at)) % turn
-    write_row(at.added, centre, _filtered(at, centre, turn, zero))
+    if believed and at.steady_samples >= wait + lead:
+        learned = read_row(at.learned, late % samples, zero) + gain * correction
+        write_row(at.learned, late % samples, clip(learned, -limit, limit))
+    centre = (late - _side(at)) % samples
+    write_row(at.added, centre, _filtered(at, centre, samples, zero))
 
 
-@inner
+@internal
 def _side(memory: Any) -> int:
     """Samples to either side of the one for which Q is computed."""
     return len(memory.weights) - 1
 
 
-@inner
+@internal
 def _repeated(setup: Any, sample: int, reference: JointReference) -> bool:
     """Whether the reference is that of the last turn."""
-    before = read_row(setup.memory.repetition.reference, sample % setup.turn, reference.position)
+    before = read_row(
+        setup.memory.repetition.reference, sample % setup.repetition_samples, reference.position
+    )
     off = reference.position - before
     return every(np.abs(off) <= SAME + setup.period * np.abs(reference.velocity))
 
 
-@inner
-def _filtered(memory: Any, centre: int, turn: int, like: Array) -> Array:
+@internal
+def _filtered(memory: Any, centre: int, samples: int, template: Array) -> Array:
     """What Q makes of all that was learned, at a row of the turn [N m], shape (n,)."""
     rows, weights = memory.learned, memory.weights
-    found = weights[0] * read_row(rows, centre, like)
+    found = weights[0] * read_row(rows, centre, template)
     for k in range(1, len(weights)):
         left, right = centre - k, centre + k
         left, right = (
-            select(left < 0, left + turn, left),
-            select(right < turn, right, right - turn),
+            select(left < 0, left + samples, left),
+            select(right < samples, right, right - samples),
         )
-        both = read_row(rows, left, like) + read_row(rows, right, like)
+        both = read_row(rows, left, template) + read_row(rows, right, template)
         found = found + weights[k] * both
     return found

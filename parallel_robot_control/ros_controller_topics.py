@@ -20,11 +20,11 @@ from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.nodes.suite_node import SuiteNode
 
 LAST_WORD = 0.5  # s, time a publisher stays after zero torque, so that it is received
-HEARD = 1.0  # s, in which a new publisher is heard where anybody listens
+DISCOVERY_TIME = 1.0  # s, in which subscribers discover a new publisher
 SOON = 0.005  # s, between two looks
 
 
-class Silent:
+class NullPublisher:
     """In place of a publisher that is not there."""
 
     def publish(self, _: bytes) -> None:
@@ -45,7 +45,7 @@ class ControllerTopics:
         self._node, self._controller = node, controller
         self._status: Status | None = None  # as last published
         self._law = controller.law.name  # as last published
-        self._commands: Publisher | Silent = Silent()
+        self._commands: Publisher | NullPublisher = NullPublisher()
         if sends:
             self._commands = node.publisher(topics.COMMANDS)
         self._telemetry = {
@@ -60,14 +60,14 @@ class ControllerTopics:
     def send(self) -> bool:
         """Send commands from now on; returns whether somebody hears them."""
         self._commands = publisher = self._node.publisher(topics.COMMANDS)
-        given_up = time.monotonic() + HEARD
-        while not publisher.get_subscription_count() and time.monotonic() < given_up:
+        deadline = time.monotonic() + DISCOVERY_TIME
+        while not publisher.get_subscription_count() and time.monotonic() < deadline:
             time.sleep(SOON)
         return publisher.get_subscription_count() > 0
 
-    def fall_silent(self) -> None:
-        """Send a last command of zero torque, and no more; nobody hears of a publisher then."""
-        last, self._commands = self._commands, Silent()
+    def stop_publishing(self) -> None:
+        """Send a last command of zero torque and withdraw the publisher."""
+        last, self._commands = self._commands, NullPublisher()
         last.publish(self._controller.log.zero_command())
         time.sleep(LAST_WORD)  # best-effort subscribers acknowledge nothing
         self._node.withdraw(last)
@@ -89,7 +89,7 @@ class ControllerTopics:
         self.publish_command()
         stamp = self._controller.stamp
         if (code & STATUS or self._status is None) and self._controller.status != self._status:
-            self.publish_status(self._controller.acts)
+            self.publish_status(self._controller.applied_stamp)
         if code & TELEMETRY:
             for topic, fields in telemetry_fields(self._controller.telemetry).items():
                 publisher, draft = self._telemetry[topic]
@@ -101,10 +101,10 @@ class ControllerTopics:
         """Publish and log the status since a stamp [ns], in the background."""
         before, self._status = self._status, self._controller.status
         self._node.background.do(
-            partial(self._tell, stamp, before, self._status._replace(refused=refused))
+            partial(self._publish_status, stamp, before, self._status._replace(refused=refused))
         )
 
-    def _tell(self, stamp: int, before: Status | None, status: Status) -> None:
+    def _publish_status(self, stamp: int, before: Status | None, status: Status) -> None:
         self._statuses.publish(status_message(stamp, status))
         logger = self._node.get_logger()
         if status.law != self._law:
@@ -115,10 +115,12 @@ class ControllerTopics:
             logger.info(f'delay of the states: {status.delay}')
         if status.fault != (before.fault if before else None):
             if status.fault:
-                text = self._controller.explained(status.fault).text
+                text = self._controller.explain(status.fault).text
                 logger.error(f'fault: {text}; ~/clear_fault ends the safe action')
             else:
                 logger.info('fault cleared')
-        elif status.acted and status.acted != (before.acted if before else 0):
-            text = f'limits acted: {limits_text(status.acted)}'
+        elif status.active_limits and status.active_limits != (
+            before.active_limits if before else 0
+        ):
+            text = f'limits acted: {limits_text(status.active_limits)}'
             logger.warning(text, throttle_duration_sec=1.0)

@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_control.contract import JointReference
-from parallel_robot_control.prepared_law import Asked
+from parallel_robot_control.prepared_law import LawOutput
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.checks import (
     LOOKED_AT,
     SHORT,
     is_resisted,
+    stopping_distance,
     too_fast,
-    way_to_rest,
 )
 from parallel_robot_control.safety.limiting import (
     ZERO,
@@ -24,7 +24,7 @@ from parallel_robot_control.safety.limiting import (
     safe_torque,
 )
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, is_finite, multiply, select, some
+from parallel_robot_model.compiler import internal, is_finite, multiply, select, some
 from parallel_robot_model.robots.contract import Model
 
 # What a cycle knows of the robot: its pose, its model, and the faults that they show.
@@ -42,14 +42,14 @@ class Sensed(NamedTuple):
     lost: bool  # whether the pose is lost: the robot may be in another assembly mode
 
 
-@inner
+@internal
 def sense(
     setup: Any,
     reference: JointReference,
     position: Array,
     velocity: Array,
     effort: Array,
-    doubt: int,
+    state_fault: int,
     when: When,
     since: float,
     late: float,
@@ -65,36 +65,39 @@ def sense(
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
         effort: Torque since the state before [N m], shape (n,); NaN where it is not known.
-        doubt: Fault that torques and states show, else NONE.
+        state_fault: Fault that torques and states show, else NONE.
         when: Times of the cycle.
         since: Time between the moments of this reference and the last one [s].
         late: From the measurement to the moment at which the torque acts [s].
     """
-    safety, state, losing = setup.safety, setup.memory.state, setup.losing
+    safety, state, pose_loss_mask = setup.safety, setup.memory.state, setup.pose_loss_mask
     here = setup.estimate(setup.robot, setup.margins, position, velocity, state.pose)
     cause = find_fault(safety, state, reference, position, velocity, when.dt, since)
-    cause = select(cause == faults.NONE, doubt, cause)
+    cause = select(cause == faults.NONE, state_fault, cause)
     cause = select(cause == faults.NONE, here.fault, cause)
-    if cause == faults.NONE and way_to_rest(safety, multiply(here.model.M, velocity)) > SHORT:
+    if (
+        cause == faults.NONE
+        and stopping_distance(safety, multiply(here.model.M, velocity)) > SHORT
+    ):
         fast = too_fast(setup, position, velocity, here, late)
         cause = select(fast, faults.TOO_FAST, faults.NONE)
-    acted = select(effort - effort == 0.0, effort, state.torque)
-    if some(np.abs(acted) > LOOKED_AT * safety.residual_limit):
-        comparable = state.known and not when.dt > safety.gap
-        resisted = is_resisted(setup, here.model, velocity, acted, when, comparable)
+    applied = select(effort - effort == 0.0, effort, state.torque)
+    if some(np.abs(applied) > LOOKED_AT * safety.residual_limit):
+        comparable = state.initialized and not when.dt > safety.gap
+        resisted = is_resisted(setup, here.model, velocity, applied, when, comparable)
         if resisted and cause == faults.NONE:
             cause = faults.TORQUE_RESISTED
     fault = select(state.fault == faults.NONE, cause, state.fault)
     leap = select(safety.speed_limit * when.dt < LEAP, LEAP, safety.speed_limit * when.dt)
-    leapt = state.known and some(np.abs(position - state.position) > leap)
-    lost = state.lost | ((losing >> here.fault) & 1 != 0) | (leapt and losing != 0)
+    leapt = state.initialized and some(np.abs(position - state.position) > leap)
+    lost = state.lost | ((pose_loss_mask >> here.fault) & 1 != 0) | (leapt and pose_loss_mask != 0)
     return Sensed(cause, fault, here.pose, here.model, lost)
 
 
-# What becomes of the torque that a law asks for: limited, or replaced by the safe action.
+# What becomes of the torque that a law demands: limited, or replaced by the safe action.
 
 
-@inner
+@internal
 def act(
     setup: Any,
     reference: JointReference,
@@ -102,10 +105,10 @@ def act(
     velocity: Array,
     sensed: Sensed,
     blind: bool,
-    asked: Asked,
+    output: LawOutput,
     dt: float,
-) -> tuple[Asked, int]:
-    """Limit the torque that the law asks for, or replace it with the safe action.
+) -> tuple[LawOutput, int]:
+    """Limit the torque that the law demands, or replace it with the safe action.
 
     What was seen and done is the CycleState of the next cycle.
 
@@ -116,32 +119,32 @@ def act(
         velocity: Measured rates [rad/s], shape (n,).
         sensed: What is known of the robot.
         blind: Whether positions and rates are not to be believed: then nothing is damped.
-        asked: Output of the law; ignored in a fault.
+        output: Output of the law; ignored in a fault.
         dt: Time since the previous state [s].
 
     Returns:
         What becomes of it; bits of the limits that acted.
     """
     safety, state, fault = setup.safety, setup.memory.state, sensed.fault
-    demand, sliding_variable, coupled_error = asked
+    demand, sliding_variable, coupled_error = output
     # 1. A demand that is not finite is a fault, too.
     finite = is_finite(demand)
     fault = select((fault == faults.NONE) & (finite == False), faults.TORQUE_NOT_FINITE, fault)  # noqa: E712
     # 2. In a fault, the safe action replaces the demand; a ramp that is not over is dropped.
     failed = fault != faults.NONE
-    if failed and (state.fault == faults.NONE or not state.known):
-        state.held = position
+    if failed and (state.fault == faults.NONE or not state.initialized):
+        state.fault_position = position
     zero = np.zeros_like(position)
-    safe = select(blind, zero, safe_torque(safety, state.held, position, velocity))
+    safe = select(blind, zero, safe_torque(safety, state.fault_position, position, velocity))
     safe = safe + select(safety.action == ZERO, zero, sensed.model.gravity)
     demand = select(failed, safe, demand)
     sliding_variable = select(failed, zero, sliding_variable)
     coupled_error = select(failed, reference.position - position, coupled_error)
     if failed:
-        state.offset, state.takes_over = zero, False
+        state.offset, state.bumpless = zero, False
     # 3. The limits; the next cycle continues from what they let through.
-    torque, excess, offset, acted = limit_torque(safety, demand, state, setup.period, dt)
+    torque, excess, offset, active_limits = limit_torque(safety, demand, state, setup.period, dt)
     state.position, state.reference, state.torque = position, reference.position, torque
-    state.offset, state.excess, state.takes_over, state.known = offset, excess, False, True
+    state.offset, state.excess, state.bumpless, state.initialized = offset, excess, False, True
     state.fault = fault
-    return Asked(torque, sliding_variable, coupled_error), acted
+    return LawOutput(torque, sliding_variable, coupled_error), active_limits

@@ -8,7 +8,7 @@ import numpy as np
 
 from parallel_robot_control.contract import Law
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, multiply, select, some, vector
+from parallel_robot_model.compiler import clip, internal, kernel, multiply, select, some, vector
 from parallel_robot_model.robots.contract import FOUND
 from parallel_robot_model.robots.registry import RobotModel
 
@@ -88,15 +88,15 @@ def saturate(x: Array) -> Array:
 # How the place of the end effector follows from the joints, for laws that ask for it.
 
 STEP = 1e-5  # rad or m, of a difference
-NO_PLACE = -1  # of a law that does not ask
+NO_PLACE_REQUESTED = -1  # of a law that does not ask
 
 
-def asked_of(law: Law, robot: RobotModel) -> int:
+def requested_place(law: Law, robot: RobotModel) -> int:
     """Number of the coordinates of the place, 0 to 3, that a law asks for; or NO_PLACE."""
-    return robot.place if law.PLACE else NO_PLACE
+    return robot.place if law.PLACE else NO_PLACE_REQUESTED
 
 
-@inner
+@internal
 def place_gradient(locate: Any, robot: Any, place: int, position: Array, pose: Array) -> Array:
     """A^T A, A the derivative of the place by the joints, shape (n, n).
 
@@ -129,7 +129,7 @@ def place_gradient(locate: Any, robot: Any, place: int, position: Array, pose: A
     return _outer(x) + _outer(y) + _outer(z)
 
 
-@inner
+@internal
 def _outer(a: Array) -> Array:
     """a a^T."""
     diagonal = np.diag(a)

@@ -15,7 +15,7 @@ from parallel_robot_control.reference_buffer import reference_row
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import FirstClass, is_finite, kernel, vector, write_row
+from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, vector, write_row
 from parallel_robot_model.configuration.hazard_table import Heard
 from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_sim.configuration import Plant
@@ -38,7 +38,7 @@ class ClosedLoopRun(NamedTuple):
     command: Array  # torque computed from the state [N m]; NaN, as the next, without an answer
     telemetry: Array  # what is told of the cycle, see `told`, shape (N, T, n)
     fault: NDArray[np.int64]  # fault of the controller at the state, see faults.py, shape (N,)
-    acted: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
+    active_limits: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
     plant: PlantState  # state of the plant after the last command
     waiting: Waiting  # what the motors know of the commands after the last row
@@ -84,19 +84,21 @@ def run(
         anew: Whether the law begins with an empty memory; else it has that of its last cycle.
     """
     course = course_of(plant, reference, period)
-    return run_part(control, plant, course, begin(control, plant, anew), period, 0, complete)
+    return run_part(
+        control, plant, course, initial_state(control, plant, anew), period, 0, complete
+    )
 
 
-def begin(control: Control, plant: Plant, anew: bool = True) -> LoopState:
+def initial_state(control: Control, plant: Plant, anew: bool = True) -> LoopState:
     """State of a loop before its first sample; arguments as of :func:`run`."""
     if anew:
-        control.law.begin()
+        control.law.reset()
     control.setup.memory.state.value = control.state
-    waiting = not_waiting(len(control.state.held))
+    waiting = not_waiting(len(control.state.fault_position))
     return LoopState(plant.state, waiting, waiting.command, faults.NONE)
 
 
-def end(run: ClosedLoopRun) -> LoopState:
+def final_state(run: ClosedLoopRun) -> LoopState:
     """State of a loop after the last sample of a part of its run."""
     return LoopState(run.plant, run.waiting, run.sent, run.cause)
 
@@ -126,7 +128,7 @@ def run_part(
     loop = partial(
         compiled_loop,
         cycle_of(control.setup),
-        FirstClass(step, plant.setup, state.plant, state.plant.torque, period),
+        FunctionValue(step, plant.setup, state.plant, state.plant.torque, period),
         control.setup,
         plant.setup,
         course.reference,
@@ -141,11 +143,11 @@ def run_part(
             refused.append((row, state.cause or fault))
         part: ClosedLoopRun = loop(state, complete, period, first, row, stop)
         parts.append(part)
-        state = end(part)
+        state = final_state(part)
         if part.steps < stop - row:
             break
-    record = parts[0] if len(parts) == 1 else _joined(parts)
-    record.acted[course.overdue[: len(record.acted)]] |= REFERENCE
+    record = parts[0] if len(parts) == 1 else _concatenated(parts)
+    record.active_limits[course.overdue[: len(record.active_limits)]] |= REFERENCE
     return record
 
 
@@ -154,7 +156,7 @@ def head(run: ClosedLoopRun) -> ClosedLoopRun:
     return run._replace(**{name: getattr(run, name)[: run.steps] for name in COLUMNS})
 
 
-def _joined(parts: list[ClosedLoopRun]) -> ClosedLoopRun:
+def _concatenated(parts: list[ClosedLoopRun]) -> ClosedLoopRun:
     """Runs that follow one another as one; its state is that of the last one."""
     columns: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS
@@ -171,19 +173,19 @@ def compiled_loop(
     reference: Reference,
     heard: Heard,
     since: Array,
-    begin: LoopState,
+    initial: LoopState,
     complete: bool,
     period: float,
     origin: int,
     begun: int,
     stop: int,
 ) -> ClosedLoopRun:
-    """The loop of :func:`run_part` over some rows, with the kernels that it calls as FirstClass.
+    """The loop of :func:`run_part` over some rows, with its kernels as FunctionValue.
 
     Row 0 of reference, `heard` and `since` is the sample `origin`; `since`: time since the state
     that was answered before [s].
     """
-    state, waiting, torque, cause = begin
+    state, waiting, torque, cause = initial
     row = state.torque
     # 1. Arrays for all rows; the robot gives the number of passive joints.
     first = plant.measure(plant.robot, state.coordinates, state.rate)
@@ -199,17 +201,21 @@ def compiled_loop(
     command = np.full((more, len(row)), np.nan)
     telemetry = np.full((more, TOLD, len(row)), np.nan)
     fault = np.empty(count, np.int64)
-    acted = np.zeros(count, np.int64)
+    active_limits = np.zeros(count, np.int64)
     steps = count
     for k in range(count):
         place = begun + k
         sample = origin + place
         # 2. Measurement of the state; a robot that has left its workspace ends there.
-        answered, late, dt, is_told = True, 0, period, True
+        answered, late, dt, is_published = True, 0, period, True
         if plant.hazards.on:
-            is_told, answered, late = heard.told[place], heard.answered[place], heard.late[place]
+            is_published, answered, late = (
+                heard.told[place],
+                heard.answered[place],
+                heard.late[place],
+            )
             dt = since[place]
-        seen = observe(plant, state, sample, period, is_told)
+        seen = observe(plant, state, sample, period, is_published)
         true = seen.true
         if not is_finite(true.velocity):
             steps = k
@@ -228,14 +234,14 @@ def compiled_loop(
             when = When(sample - late, plant.imperfections.age, dt)
             cycle = run_cycle(control, desired, seen.position, seen.velocity, seen.effort, when)
             torque, cause = cycle.torque, cycle.cause
-            write_row(acted, k, cycle.acted)
+            write_row(active_limits, k, cycle.active_limits)
             if complete:
                 write_row(command, k, torque)
                 write_row(telemetry, k, vector(cycle.telemetry))
         write_row(fault, k, control.memory.state.fault)
         # 4. It acts until the next state.
-        asked, waiting = demanded(plant, state, waiting, torque, answered, sample)
-        state = step(plant, state, asked, period)
+        demand, waiting = demanded(plant, state, waiting, torque, answered, sample)
+        state = step(plant, state, demand, period)
     return ClosedLoopRun(
         pose,
         joints,
@@ -247,7 +253,7 @@ def compiled_loop(
         command,
         telemetry,
         fault,
-        acted,
+        active_limits,
         steps,
         state,
         waiting,

@@ -26,8 +26,8 @@ from parallel_robot_model.configuration.fields import (
 from parallel_robot_model.configuration.hazard_table import HazardTable
 from parallel_robot_model.configuration.hazards import KEY, Hazard, parse
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.configuration.plain_data import locating
-from parallel_robot_model.processes.custom_module import blaming
+from parallel_robot_model.configuration.plain_data import with_location
+from parallel_robot_model.processes.custom_module import wrap_user_errors
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.joint_load import JointLoad, check_friction
@@ -71,7 +71,7 @@ class Configuration(ControlConfiguration):
     @cached_property
     def imperfections(self) -> Imperfections:
         """Those of sensors, motors and loads."""
-        with locating(self.values):
+        with with_location(self.values):
             return imperfections(
                 self.loop.seed,
                 self.loop.period,
@@ -89,7 +89,7 @@ class Configuration(ControlConfiguration):
             InputError: a value is wrong.
         """
         self.check(declared(self.true_robot.module))
-        with locating(self.values):
+        with with_location(self.values):
             for key in ('true_robot.actuated', 'true_robot.held'):  # of a described machine
                 nominal = self.values.get(key.removeprefix('true_'))
                 if self.values.get(key, nominal) != nominal:
@@ -195,7 +195,7 @@ class Experiment(NamedTuple):
     trajectory: Trajectory  # desired motion, which the robot can perform
     control: Control  # the controller
     plant: Plant
-    known: Reference | None = None  # the first samples of the motion, if they were wanted
+    first_samples: Reference | None = None  # the first samples of the motion, if they were wanted
 
 
 def assemble(configuration: Configuration, samples: int = 0) -> Experiment:
@@ -234,7 +234,7 @@ def assemble_plant(configuration: Configuration) -> Plant:
     loads = configuration.joint_load
     load = Boxed(loads._replace(friction=yielding(drive)) if flexible else loads)
     pose = np.array(robot.pose_of('plant.initial_pose', configuration.plant.initial_pose))
-    with blaming(robot.name):
+    with wrap_user_errors(robot.name):
         start = vector(module.start(parameters, pose))
     refuse_mistakes(robot, loads, pose)
     still, torque = vector(np.zeros(len(start))), vector(np.zeros(len(loop.joints)))

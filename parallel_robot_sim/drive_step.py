@@ -30,7 +30,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, read_row, select, write_row
+from parallel_robot_model.compiler import clip, internal, kernel, read_row, select, write_row
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.imperfections import Drive
 from parallel_robot_sim.noise_and_delay import (
@@ -38,7 +38,7 @@ from parallel_robot_sim.noise_and_delay import (
     ROTOR,
     ROTOR_RATE,
     recall,
-    remember,
+    record,
     sample_at,
 )
 
@@ -47,7 +47,7 @@ MOST = 1000  # integration steps in a period
 SHORT = 1e-3  # below this exponent its series is nearer than its difference from 1
 
 
-@inner
+@internal
 def rotors(setup: Any, joints: Measurement, sample: int) -> tuple[Array, Array]:
     """Angles of the rotors [rad] and their rates [rad/s] at a sample, each shape (n,)."""
     if sample == 0:
@@ -56,7 +56,7 @@ def rotors(setup: Any, joints: Measurement, sample: int) -> tuple[Array, Array]:
     return angle, recall(setup, ROTOR_RATE, sample, joints.position)
 
 
-@inner
+@internal
 def _bristles(setup: Any, joints: Measurement, sample: int) -> Array:
     """Deflection of the bristles at a sample [rad], shape (n,)."""
     if sample == 0:
@@ -64,7 +64,7 @@ def _bristles(setup: Any, joints: Measurement, sample: int) -> Array:
     return recall(setup, BRISTLES, sample, joints.position)
 
 
-@inner
+@internal
 def _spring(drive: Any, twist: Array, rate: Array) -> Array:
     """Torque of the gears [N m], shape (n,), at their twist [rad] and its rate [rad/s]."""
     half = 0.5 * drive.gear.backlash
@@ -74,7 +74,7 @@ def _spring(drive: Any, twist: Array, rate: Array) -> Array:
     return select(half > 0.0, pushing, torque)
 
 
-@inner
+@internal
 def _slip(drive: Any, velocity: Array) -> Array:
     """Rate at which bristles yield, stiffness |v| / g [1/s], shape (n,)."""
     friction = drive.friction
@@ -84,7 +84,7 @@ def _slip(drive: Any, velocity: Array) -> Array:
     return select(stiffness > 0.0, stiffness * np.abs(velocity) / held, 0.0)
 
 
-@inner
+@internal
 def _bent(drive: Any, bristles: Array, velocity: Array, time: float) -> Array:
     """Bristles after a time [s] at a velocity, exactly: z + (v - s z) (1 - exp(-s t)) / s."""
     slip = _slip(drive, velocity)
@@ -145,20 +145,20 @@ def flexed(
         joints = setup.measure(setup.robot, q, v)
         last = k == drive.substeps - 1
         bristles = _bent(drive, bristles, joints.velocity, select(last, 0.5, 1.0) * h)
-    remember(setup, ROTOR, sample + 1, select(flexible, angle, joints.position))
-    remember(setup, ROTOR_RATE, sample + 1, select(flexible, speed, joints.velocity))
-    remember(setup, BRISTLES, sample + 1, bristles)
+    record(setup, ROTOR, sample + 1, select(flexible, angle, joints.position))
+    record(setup, ROTOR_RATE, sample + 1, select(flexible, speed, joints.velocity))
+    record(setup, BRISTLES, sample + 1, bristles)
     return q, v
 
 
 @kernel
-def keep_braked(setup: Any, joints: Measurement, time: float, period: float) -> None:
+def record_braked(setup: Any, joints: Measurement, time: float, period: float) -> None:
     """Remember rotors and bristles after a period in which brakes held joints and rotors."""
     sample = sample_at(time, period)
     angle, _ = rotors(setup, joints, sample)
-    remember(setup, ROTOR, sample + 1, angle)
-    remember(setup, ROTOR_RATE, sample + 1, np.zeros_like(angle))
-    remember(setup, BRISTLES, sample + 1, _bristles(setup, joints, sample))
+    record(setup, ROTOR, sample + 1, angle)
+    record(setup, ROTOR_RATE, sample + 1, np.zeros_like(angle))
+    record(setup, BRISTLES, sample + 1, _bristles(setup, joints, sample))
 
 
 @kernel
@@ -182,7 +182,7 @@ def with_steps(drive: Drive, setup: Any, state: Any, period: float, least: int) 
         setup: Its plant.
         state: State of the plant at the start, at rest.
         period: Of the samples [s].
-        least: Number of steps that is asked for.
+        least: Requested number of steps.
 
     Raises:
         InputError: they are too fast.

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, apart
+from parallel_robot_model.common.errors import InputError, distinct_texts
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, read_row, vector, write_row
 from parallel_robot_model.robots.contract import inverse_dynamics
@@ -70,7 +70,7 @@ def fastest(configuration: Configuration) -> Fastest:
     factor = scale * trajectory.parameters.speed_factor * (1.0 - RESERVE)
     faster = trajectory.at_speed(factor)
     preflight.check(faster, configuration.loop.period)
-    shown, _ = apart(float(limit[joint]), 0.0, 6)
+    shown, _ = distinct_texts(float(limit[joint]), 0.0, 6)
     text = f'{name} is at {shown} {unit} at t = {times[k] / scale:.3f} s'
     return Fastest(factor, faster.span, text)
 
@@ -133,8 +133,8 @@ def _along(
     estimate: Any,
     robot: Any,
     margins: Any,
-    like_pose: Array,
-    like: Array,
+    pose_template: Array,
+    template: Array,
     pose: Array,
     position: Array,
     velocity: Array,
@@ -143,9 +143,9 @@ def _along(
     """Torques that hold the robot and that move it [N m], each shape (N, n)."""
     held, moved = np.empty_like(position), np.empty_like(position)
     for k in range(len(position)):
-        rate = read_row(velocity, k, like)
-        at = read_row(position, k, like)
-        model = estimate(robot, margins, at, rate, read_row(pose, k, like_pose)).model
+        rate = read_row(velocity, k, template)
+        at = read_row(position, k, template)
+        model = estimate(robot, margins, at, rate, read_row(pose, k, pose_template)).model
         write_row(held, k, model.gravity)
-        write_row(moved, k, inverse_dynamics(model, read_row(acceleration, k, like), rate))
+        write_row(moved, k, inverse_dynamics(model, read_row(acceleration, k, template), rate))
     return held, moved

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_control.safety.limiting import safe_torque
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, read_row, select, vector, write_row
+from parallel_robot_model.compiler import internal, kernel, read_row, select, vector, write_row
 from parallel_robot_model.configuration.hazards import KINDS, Hazard
 
 # What the motors do while no command comes: hold the last one, then take their safe action.
@@ -29,7 +29,7 @@ def not_waiting(joints: int) -> Waiting:
     return Waiting(0, zero, zero)
 
 
-@inner
+@internal
 def waited(
     setup: Any,
     before: Waiting,
@@ -51,9 +51,9 @@ def waited(
     if arrived:
         return command, Waiting(0, before.held, command)
     silent = before.silent + 1
-    held = select(silent == setup.patience, position, before.held)
+    held = select(silent == setup.timeout_samples, position, before.held)
     safe = safe_torque(setup.safety, held, position, velocity)
-    asked = select(silent >= setup.patience, safe, command)
+    asked = select(silent >= setup.timeout_samples, safe, command)
     return asked, Waiting(silent, held, command)
 
 
@@ -96,14 +96,14 @@ def table_of(hazards: Sequence[Hazard], joints: Sequence[str], period: float) ->
     return Hazards(True, np.array(rows, np.float64), memory)
 
 
-@inner
+@internal
 def _kind(hazards: Any, k: int, sample: int) -> int:
     """Kind of a hazard if it acts at a sample, else -1."""
     table = hazards.table
     return select(table[k, BEGIN] <= sample < table[k, END], int(table[k, KIND]), -1)
 
 
-@inner
+@internal
 def _mask(hazards: Any, k: int, like: Array) -> Array:
     """1 for the joints that a hazard is about, else 0, of the type of `like`."""
     return read_row(hazards.memory, int(hazards.table[k, PLACE]), like)
@@ -153,14 +153,14 @@ def told(
     return position, velocity, effort
 
 
-@inner
+@internal
 def _keep(hazards: Any, place: int, position: Array, velocity: Array, effort: Array) -> None:
     write_row(hazards.memory, place, position)
     write_row(hazards.memory, place + 1, velocity)
     write_row(hazards.memory, place + 2, effort)
 
 
-@inner
+@internal
 def commanded(
     hazards: Any, sample: int, arrived: bool, command: Array, before: Waiting
 ) -> tuple[bool, Array]:
@@ -183,7 +183,7 @@ def commanded(
     return arrived, command
 
 
-@inner
+@internal
 def limited(hazards: Any, sample: int, limit: Array) -> Array:
     """Largest torque of the motors over a period [N m], shape (n,).
 
@@ -202,7 +202,7 @@ def limited(hazards: Any, sample: int, limit: Array) -> Array:
     return limit
 
 
-@inner
+@internal
 def braked(hazards: Any, sample: int) -> bool:
     """Whether brakes hold the robot over the period after a sample."""
     braked = False

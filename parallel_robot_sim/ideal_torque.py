@@ -12,8 +12,8 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
-    FirstClass,
-    inlined,
+    FunctionValue,
+    inline_ir,
     kernel,
     largest,
     multiply,
@@ -35,7 +35,7 @@ from trajectory_gen.trajectory import Trajectory
 
 # Coordinates of the plant along a desired motion.
 
-SMALL_MISS = 1e-6  # of coordinates, in their units: half the width of a difference
+HALF_STEP = 1e-6  # of coordinates, in their units: half the width of a difference
 ENOUGH = 1e-8  # correction of coordinates after which the next one is none
 MOST = 8  # corrections
 
@@ -57,7 +57,7 @@ def coordinates_of(robot: RobotModel, plant: Plant, poses: Array) -> Array:
     start = robot.module.start
     first = np.array(start(robot.parameters, poses[0]), np.float64)
     if len(first) == poses.shape[1]:
-        coordinates: Array = _followed(plant.setup, plant.state, poses, first)
+        coordinates: Array = _coordinates_at(plant.setup, plant.state, poses, first)
         if np.isfinite(coordinates).all():
             return coordinates
     each: list[Any] = [start(robot.parameters, pose) for pose in poses]
@@ -65,7 +65,7 @@ def coordinates_of(robot: RobotModel, plant: Plant, poses: Array) -> Array:
 
 
 @kernel
-def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) -> Array:
+def _coordinates_at(setup: PlantSetup, state: PlantState, poses: Array, first: Array) -> Array:
     """Coordinates at poses by Newton's method, each from those before; NaN where it fails."""
     x, size = first.copy(), len(first)
     pose, ends = np.empty(size), np.empty((2, size))
@@ -77,10 +77,10 @@ def _followed(setup: PlantSetup, state: PlantState, poses: Array, first: Array) 
             for i in range(size):
                 here = x[i]
                 for side in range(2):
-                    x[i] = here + (2 * side - 1) * SMALL_MISS
+                    x[i] = here + (2 * side - 1) * HALF_STEP
                     write_row(ends[side], 0, _pose(setup, state, x))
                 x[i] = here
-                slopes[i] = (ends[1] - ends[0]) / (2.0 * SMALL_MISS)
+                slopes[i] = (ends[1] - ends[0]) / (2.0 * HALF_STEP)
             for i in range(size):  # solve() is for symmetric matrices
                 normal[i] = multiply(slopes, slopes[i])
             correction = solve(normal, multiply(slopes, poses[k] - pose))
@@ -115,7 +115,7 @@ class PerformedMotion(NamedTuple):
     torque: Array  # what performs the motion over the next period [N m], shape (K, n)
     pushed: Array  # what a torque held over a period adds to the next sample, shape (K, 2c, n)
     plant: Plant
-    advance: FirstClass  # its step, as FirstClass
+    advance: FunctionValue  # its step, as FunctionValue
 
 
 def performed(
@@ -137,7 +137,7 @@ def performed(
     """
     period = configuration.loop.period
     made = assembled or assemble_plant(configuration)
-    advance = FirstClass(step, made.setup, made.state, made.state.torque, period)
+    advance = FunctionValue(step, made.setup, made.state, made.state.torque, period)
     if times is None:
         times = points_of(configuration.loop.duration)
     around = (times[:, np.newaxis] + period * np.array([-1.0, 0.0, 1.0, 2.0])).ravel()
@@ -146,7 +146,7 @@ def performed(
     rates, next_rates = (after - before) / (2.0 * period), (later - now) / (2.0 * period)
     points = np.hstack((now, rates))
     still = np.zeros((len(times), len(made.state.torque)))
-    ends, pushed = _pushed(advance, made.setup, made.state, points, still, period)
+    ends, pushed = _end_states(advance, made.setup, made.state, points, still, period)
     half = now.shape[1]
     missing = next_rates - ends[:, half:]
     torque = np.linalg.pinv(pushed[:, half:]) @ missing[:, :, np.newaxis]
@@ -174,22 +174,22 @@ def points_of(duration: float) -> Array:
     return np.linspace(0.0, duration, max(round(duration / INTERVAL), 1) + 1)
 
 
-@inlined
-def after(
-    advance: Any, setup: PlantSetup, begin: PlantState, x: Array, torque: Array, period: float
+@inline_ir
+def state_after(
+    advance: Any, setup: PlantSetup, template: PlantState, x: Array, torque: Array, period: float
 ) -> PlantState:
-    """State a period after the state `x`, shape (2c,); `begin` is any state."""
-    coordinates = read_row(x, 0, begin.coordinates)
-    rate = read_row(x, len(begin.coordinates), begin.rate)
-    state = PlantState(coordinates, rate, begin.torque, 0.0)
-    return advance(setup, state, read_row(torque, 0, begin.torque), period)
+    """State a period after the state `x`, shape (2c,); `template` is any state."""
+    coordinates = read_row(x, 0, template.coordinates)
+    rate = read_row(x, len(template.coordinates), template.rate)
+    state = PlantState(coordinates, rate, template.torque, 0.0)
+    return advance(setup, state, read_row(torque, 0, template.torque), period)
 
 
 @kernel
-def _pushed(
+def _end_states(
     advance: Any,
     setup: PlantSetup,
-    begin: PlantState,
+    template: PlantState,
     points: Array,
     torques: Array,
     period: float,
@@ -197,9 +197,9 @@ def _pushed(
     """Where states end under torques.
 
     Args:
-        advance: The plant's step, as FirstClass.
+        advance: The plant's step, as FunctionValue.
         setup: The plant.
-        begin: Any state of it.
+        template: Any state of it.
         points: States, shape (K, 2c).
         torques: Torques [N m], shape (K, n).
         period: Of the samples [s].
@@ -208,18 +208,18 @@ def _pushed(
         The states a period later, shape (K, 2c), and their derivatives by the torques.
     """
     count, size = points.shape
-    joints, c = torques.shape[1], len(begin.coordinates)
+    joints, c = torques.shape[1], len(template.coordinates)
     ends, slopes = np.empty((count, size)), np.empty((count, size, joints))
     end = np.empty((2, size))
     for k in range(count):
         x, torque = points[k], torques[k].copy()
-        then = after(advance, setup, begin, x, torque, period)
+        then = state_after(advance, setup, template, x, torque, period)
         write_row(ends[k], 0, then.coordinates)
         write_row(ends[k], c, then.rate)
         for i in range(joints):
             for side in range(2):
                 torque[i] = torques[k, i] + (2 * side - 1) * SMALL_STEP
-                then = after(advance, setup, begin, x, torque, period)
+                then = state_after(advance, setup, template, x, torque, period)
                 write_row(end[side], 0, then.coordinates)
                 write_row(end[side], c, then.rate)
             torque[i] = torques[k, i]
@@ -229,7 +229,7 @@ def _pushed(
 
 # what of a configuration a plant depends on
 PLANT_PARTS = ('loop', 'true_robot', 'plant', 'joint_load', 'safety', 'imperfections')
-KEPT = 96  # ideal torques: those of the samples that the laws of a study share
+CACHE_SIZE = 96  # ideal torques: those of the samples that the laws of a study share
 DEGREE = 5  # of the polynomial between two points, through the nearest six
 
 
@@ -256,7 +256,7 @@ def along(trajectory: Trajectory, configuration: Configuration) -> Array:
     return _torque(trajectory, *(getattr(plant, part) for part in PLANT_PARTS))
 
 
-@functools.lru_cache(maxsize=KEPT)
+@functools.lru_cache(maxsize=CACHE_SIZE)
 def _torque(trajectory: Trajectory, *parts: Any) -> Array:
     plant = Configuration({}).with_parts(**dict(zip(PLANT_PARTS, parts, strict=True)))
     return IdealTorque(trajectory, plant).between(0, (plant.loop.last_index or 0) + 1)
@@ -344,7 +344,7 @@ def _middles(
 def _with_loads(
     setup: PlantSetup,
     load: JointLoad,
-    like: Array,
+    template: Array,
     torque: Array,
     position: Array,
     velocity: Array,
@@ -356,7 +356,7 @@ def _with_loads(
     Args:
         setup: The plant, with memory of its own.
         load: Friction and disturbance that are not in the torques yet.
-        like: Any torque.
+        template: Any torque.
         torque: Torques of the step before each sample [N m], shape (N, n).
         position: Joints in the middle of it [rad], shape (N, n).
         velocity: Rates of the joints in the middle of it [rad/s], shape (N, n).
@@ -366,10 +366,10 @@ def _with_loads(
     ideal = torque.copy()
     for k in range(0 if first else 1, len(torque)):
         begin = (first + k - 1) * period
-        rate = read_row(velocity, k, like)
-        needed = motor_torque(load, read_row(torque, k, like), rate, begin + 0.5 * period)
+        rate = read_row(velocity, k, template)
+        needed = motor_torque(load, read_row(torque, k, template), rate, begin + 0.5 * period)
         if setup.imperfections.on:
-            start = read_row(position, k, like) - 0.5 * period * rate
+            start = read_row(position, k, template) - 0.5 * period * rate
             needed = needed + held_disturbance(setup, start, begin, period)
         write_row(ideal, k, needed)
     return ideal

@@ -11,7 +11,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import Boxed, as_constants
-from parallel_robot_model.configuration.fields import Field, PerJoint, acts, check
+from parallel_robot_model.configuration.fields import Field, PerJoint, check, is_active
 from parallel_robot_model.robots.joint_load import FrictionParameters
 
 # What lies between motors and joints, and joints that stick: parameters.
@@ -244,8 +244,8 @@ def imperfections(
         InputError: jitter, with stamps that tell when states were measured; steps of an encoder
             both by their size and their number, fewer than one, or in a turn of a slide.
     """
-    told = sensor.stamp == 'measured'
-    if told and sensor.jitter > 0.0:
+    measured = sensor.stamp == 'measured'
+    if measured and sensor.jitter > 0.0:
         raise InputError(
             'sensor.jitter must be 0 where sensor.stamp is measured, not '
             f'{sensor.jitter:g}: a state that comes late would come twice',
@@ -253,13 +253,13 @@ def imperfections(
         )
     steps = _steps(sensor, slides)
     sensor = sensor._replace(resolution=steps, counts_per_turn=PerJoint((0.0,) * len(steps)))
-    on = drive.on or any(map(acts, (sensor, actuator, load)))
+    on = drive.on or any(map(is_active, (sensor, actuator, load)))
     late = [
         _samples(each.delay, period) + _samples(each.jitter, period) for each in (sensor, actuator)
     ]
     age = _samples(sensor.delay, period) * round(period * NANOSECONDS) / NANOSECONDS
     return Imperfections(
-        on, max(late), age if told else 0.0, float(seed), sensor, actuator, load, drive
+        on, max(late), age if measured else 0.0, float(seed), sensor, actuator, load, drive
     )
 
 

@@ -32,10 +32,10 @@ from parallel_robot_sim.plant_core import ReportedEffort
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.trajectory import Reference
 
-# Parameters by which the joints that are told are not the true ones, see docs/noise.md.
+# Parameters by which the measured joints differ from the true ones, see docs/noise.md.
 GEARS = 'compliance.stiffness'  # where sensors are at the motors
 UNTRUE = [*untrue_keys((*declared_in(Configuration), (ESTIMATOR, ZeroAngles))), 'hazards']
-AS_TOLD = (
+MEASURED_REMARK = (
     'the sensors are not ideal ({0}): positions are as they tell them, the pose is the true one'
 )
 
@@ -49,7 +49,7 @@ class Poses(NamedTuple):
     place: int = 2
     units: JointUnits = HINGES  # units of the joints of the robot
     # components of a rotation vector that follow a place in space, 0 to 2
-    turns: tuple[int, ...] = ()
+    rotation_components: tuple[int, ...] = ()
     axes: tuple[str, ...] = PLACE  # along which the coordinates of the place are, and more
 
     @property
@@ -58,8 +58,8 @@ class Poses(NamedTuple):
         return self.place == len('xyz')
 
 
-class Left(NamedTuple):
-    """Where the poses of a motion were left that goes on."""
+class LastPoses(NamedTuple):
+    """The last poses of a part of a motion, from which the next part goes on."""
 
     actual: np.ndarray  # the last pose of the joints, shape (m,)
     reference: np.ndarray  # the last one of the desired joints, shape (m,)
@@ -121,7 +121,7 @@ class Motions(NamedTuple):
 
 
 def untrue(values: Mapping[str, Any]) -> list[str]:
-    """Parameters of a resolved configuration by which told joints are not the true ones."""
+    """Parameters of a resolved configuration by which measured joints are not the true ones."""
     ideal = {GEARS} if values.get('compliance.sensor') == JOINT else set()
     keys = (key for key in UNTRUE if key not in ideal)
     return [key for key in keys if np.any(np.asarray(values.get(key, 0.0), object) != 0.0)]
@@ -140,7 +140,7 @@ def differs(values: Mapping[str, Any]) -> bool:
 def sensor_remarks(values: Mapping[str, Any]) -> list[str]:
     """A line that says that the joints of a run are not the true ones, if they are not."""
     hidden = untrue(values)
-    return [AS_TOLD.format(', '.join(hidden))] if hidden else []
+    return [MEASURED_REMARK.format(', '.join(hidden))] if hidden else []
 
 
 def poses_of(
@@ -149,7 +149,7 @@ def poses_of(
     guess: Array,
     reference: Array,
     position: Array,
-    left: Left | None = None,
+    last: LastPoses | None = None,
 ) -> Poses:
     """Poses of a motion.
 
@@ -159,17 +159,17 @@ def poses_of(
         guess: Pose from which forward kinematics starts, shape (m,).
         reference: Desired positions of the joints [rad], shape (N, n).
         position: The joints [rad], shape (N, n).
-        left: Where those before were left; None: there are none.
+        last: Where those before were left; None: there are none.
 
     Raises:
         KinematicsError: a sample has no pose in the assembly mode of the guess.
     """
-    first = left.samples if left else 0
-    guess, near = (left.reference, left.actual) if left else (guess, None)
+    first = last.samples if last else 0
+    guess, near = (last.reference, last.actual) if last else (guess, None)
     wanted = forward.poses_of(desired, reference, guess, first=first)
     near = wanted[0] if near is None else near
     found = forward.poses_of(actual, position, near, first=first)
-    own = desired.place, desired.joint_units, desired.turns, desired.axes
+    own = desired.place, desired.joint_units, desired.rotation_components, desired.axes
     return Poses(found, wanted, *own)
 
 
@@ -190,10 +190,10 @@ class SimulatedMotions:
         nominal, true = configuration.robot, configuration.true_robot
         exact = not untrue(configuration.values)
         guess = np.array(configuration.guess)
-        # what its messages tell of the joints; None where that is the true motion
-        self.told = None if exact else Told(configuration)
-        self._true = Located(nominal, true, guess)
-        self._seen: Located | None = Located(nominal, nominal, guess)
+        # the joints as measured; None where that is the true motion
+        self.measured = None if exact else MeasuredMotion(configuration)
+        self._true = PoseTracker(nominal, true, guess)
+        self._seen: PoseTracker | None = PoseTracker(nominal, nominal, guess)
         if exact and nominal.parameters == true.parameters:
             self._seen = None
 
@@ -212,22 +212,22 @@ class SimulatedMotions:
         time = loop.period_ns * (part.first + np.arange(run.steps)) / NANOSECONDS  # as stamps tell
         joints, wanted = run.joints[rows], part.reference.position[rows]
         moved = Motion(time, joints, wanted, run.effort[rows], self._true.poses(wanted, joints))
-        told = moved if self.told is None else self.told.of(part)
+        measured = moved if self.measured is None else self.measured.of(part)
         if self._seen is not None:
             try:
-                poses = self._seen.poses(told.reference_position, told.position)
-                return Motions(moved, told._replace(poses=poses), ideal[rows])
+                poses = self._seen.poses(measured.reference_position, measured.position)
+                return Motions(moved, measured._replace(poses=poses), ideal[rows])
             except KinematicsError:
                 self._seen = None
         return Motions(moved, None, ideal[rows])
 
 
-class Located:
+class PoseTracker:
     """Poses of a motion, part by part, see :func:`poses_of`."""
 
     def __init__(self, desired: RobotModel, actual: RobotModel, guess: Array) -> None:
         self._robots = desired, actual, guess
-        self._left: Left | None = None
+        self._last: LastPoses | None = None
 
     def poses(self, reference: Array, position: Array) -> Poses:
         """Poses of the next part of the motion.
@@ -235,15 +235,15 @@ class Located:
         Raises:
             KinematicsError: a sample has no pose in the assembly mode of the guess.
         """
-        left = self._left
-        found = poses_of(*self._robots, reference, position, left)
-        count = len(position) + (left.samples if left else 0)
-        self._left = Left(found.actual[-1], found.reference[-1], count)
+        last = self._last
+        found = poses_of(*self._robots, reference, position, last)
+        count = len(position) + (last.samples if last else 0)
+        self._last = LastPoses(found.actual[-1], found.reference[-1], count)
         return found
 
 
-class Told:
-    """The joints of a simulation as their messages tell them, part by part, without their poses.
+class MeasuredMotion:
+    """The joints of a simulation as measured, part by part, without their poses.
 
     As of a bag: those of valid states that have a reference, in the order of their stamps.
     """
@@ -292,8 +292,8 @@ class Told:
         heard = course.heard
         rows = np.flatnonzero(heard.told & (heard.refused != INVALID))
         measured = first + rows - heard.late[rows]
-        kept = (measured >= 0) & (measured <= last + self._oldest)
-        rows, measured = rows[kept], measured[kept]
+        valid = (measured >= 0) & (measured <= last + self._oldest)
+        rows, measured = rows[valid], measured[valid]
         back = tick * (np.maximum.accumulate(measured) - measured)
         if len(rows) and back.max() <= SWAPPED:
             order = np.argsort(measured, kind='stable')

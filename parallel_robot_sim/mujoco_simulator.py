@@ -15,7 +15,7 @@ from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
 from parallel_robot_sim.mujoco_model import MujocoRobot
 from parallel_robot_sim.plant import MUJOCO, PlantState, torques
-from parallel_robot_sim.plant_core import take
+from parallel_robot_sim.plant_core import update_demand
 from parallel_robot_sim.plant_run import Simulator
 
 MAX_STEP = 5e-4  # s, step of MuJoCo: within 3e-12 of the equations of motion over a second
@@ -38,13 +38,13 @@ class MujocoSimulator(Simulator):
         self._bodies = _bodies(self.robot, pose, still, step)
         state, torque = self.state, self.state.torque
         self._torques = entry_point(torques, self._setup, state, torque, self._period)
-        self._take = entry_point(take, self._core, np.zeros(len(torque)), True)
+        self._take = entry_point(update_demand, self._core, np.zeros(len(torque)), True)
         self._net = entry_point(net_torque, self._setup.load, torque, torque, 0.0)
 
     def _step(self, command: np.ndarray, arrived: bool) -> bool:
         state = self.state
         self._take(self._core, command, arrived)
-        torque, acting = self._torques(self._setup, state, self._core.asked, self._period)
+        torque, acting = self._torques(self._setup, state, self._core.demand, self._period)
 
         def load(velocity: Array, time: float) -> Array:
             net: Array = self._net(self._setup.load, acting, vector(velocity), time)

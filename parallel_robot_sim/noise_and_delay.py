@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, read_row, select, write_row
+from parallel_robot_model.compiler import internal, kernel, read_row, select, write_row
 
 # Random numbers by counter: each follows from seed, sample and stream, so there is no state.
 #
@@ -20,7 +20,7 @@ _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
 _30, _27, _31, _11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
 _BELOW_ONE = 2.0**-53
-_PLACES = 1 << 20  # numbers of one stream at one sample
+_DRAWS = 1 << 20  # numbers of one stream at one sample
 
 
 @kernel
@@ -50,26 +50,26 @@ def normal(seed: float, sample: int, place: int) -> float:
     return math.sqrt(-2.0 * math.log(1.0 - first)) * math.cos(2.0 * math.pi * second)
 
 
-@inner
-def normals(seed: float, sample: int, stream: int, draws: Array, like: Array) -> Array:
-    """Standard normal numbers, one an element, of the type of `like`.
+@internal
+def normals(seed: float, sample: int, stream: int, draws: Array, template: Array) -> Array:
+    """Standard normal numbers, one an element, of the type of `template`.
 
     Args:
         seed: Seed of the run.
         sample: Index of the sample.
         stream: What the numbers are for.
-        draws: Room for as many numbers as `like` has, an array, which is overwritten.
-        like: Any vector, shape (n,).
+        draws: Room for as many numbers as `template` has, an array, which is overwritten.
+        template: Any vector, shape (n,).
     """
-    for i in range(len(like)):
-        draws[i] = normal(seed, sample, stream * _PLACES + i)
-    return read_row(draws, 0, like)
+    for i in range(len(template)):
+        draws[i] = normal(seed, sample, stream * _DRAWS + i)
+    return read_row(draws, 0, template)
 
 
-@inner
+@internal
 def whole_number(seed: float, sample: int, stream: int, largest: float) -> float:
     """A whole number from 0 to `largest`, each equally likely, as a float."""
-    return np.floor(uniform(seed, sample, stream * _PLACES) * (largest + 1.0))
+    return np.floor(uniform(seed, sample, stream * _DRAWS) * (largest + 1.0))
 
 
 # What an imperfect plant remembers of its last samples: rows that wrap around.
@@ -83,27 +83,27 @@ POSITION, VELOCITY, COMMAND, LAGGED, DISTURBANCE, EFFORT, ROTOR, ROTOR_RATE, BRI
 OF_POSITION, OF_VELOCITY, OF_TORQUE, OF_LOAD, OF_STATES, OF_COMMANDS = range(6)
 
 
-@inner
+@internal
 def sample_at(time: float, period: float) -> int:
     """Index of the sample at a time since the start [s]."""
     return int(time / period + 0.5)
 
 
-@inner
-def recall(setup: Any, kind: int, sample: int, like: Array) -> Array:
-    """A vector of one of the last samples, of the type of `like`."""
+@internal
+def recall(setup: Any, kind: int, sample: int, template: Array) -> Array:
+    """A vector of one of the last samples, of the type of `template`."""
     size = setup.imperfections.depth + 2
-    return read_row(setup.imperfections.memory, kind * size + sample % size, like)
+    return read_row(setup.imperfections.memory, kind * size + sample % size, template)
 
 
-@inner
-def remember(setup: Any, kind: int, sample: int, value: Array) -> None:
+@internal
+def record(setup: Any, kind: int, sample: int, value: Array) -> None:
     """Keep a vector of a sample."""
     size = setup.imperfections.depth + 2
     write_row(setup.imperfections.memory, kind * size + sample % size, value)
 
 
-@inner
+@internal
 def lateness(
     setup: Any, stream: int, sample: int, delay: float, jitter: float, period: float
 ) -> float:
@@ -113,7 +113,7 @@ def lateness(
     return np.floor(delay / period + 0.5) + drawn
 
 
-@inner
+@internal
 def newest(
     setup: Any,
     kind: int,

@@ -8,10 +8,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inlined, inner, kernel
+from parallel_robot_model.compiler import clip, inline_ir, internal, kernel
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Measurement
-from parallel_robot_sim.drive_step import flexed, keep_braked, rotors
+from parallel_robot_sim.drive_step import flexed, record_braked, rotors
 from parallel_robot_sim.hazards import Waiting, braked, commanded, limited, told, waited
 from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.sensors_actuators import (
@@ -19,14 +19,14 @@ from parallel_robot_sim.sensors_actuators import (
     driven,
     effort_at_stamp,
     held_disturbance,
-    keep_sensed,
+    record_sensed,
     sensed,
 )
 
 # Fixed-step integrators of second-order motion: each takes the acceleration as a function.
 
 
-@inlined
+@inline_ir
 def ode3(
     acceleration: Any, q: Array, v: Array, t: float, h: float, arguments: Any
 ) -> tuple[Array, Array]:
@@ -57,7 +57,7 @@ def ode3(
     )
 
 
-@inlined
+@inline_ir
 def rk4(
     acceleration: Any, q: Array, v: Array, t: float, h: float, arguments: Any
 ) -> tuple[Array, Array]:
@@ -111,7 +111,7 @@ class PlantParameters(NamedTuple):
 
 
 def unlimited(parameters: PlantParameters) -> PlantParameters:
-    """The same with motors that give what they are told to."""
+    """The same with motors without torque limits."""
     n = len(parameters.torque_limit)
     whole = PerJoint((1.0,) * n)
     return parameters._replace(
@@ -122,14 +122,14 @@ def unlimited(parameters: PlantParameters) -> PlantParameters:
 class PlantSetup(NamedTuple):
     """The constant parts of the plant; parameters as :func:`as_constants`."""
 
-    acceleration: Any  # acceleration of the robot module, as FirstClass
-    measure: Any  # measure of the robot module, as FirstClass
+    acceleration: Any  # acceleration of the robot module, as FunctionValue
+    measure: Any  # measure of the robot module, as FunctionValue
     parameters: Any  # PlantParameters, boxed
     robot: Any  # constants of the true robot, boxed
     load: Any  # JointLoad, boxed
     imperfections: Any  # Imperfections, boxed
     safety: Any  # SafetyParameters, boxed; its action is that without commands
-    patience: int  # samples without a command from which on the motors take it
+    timeout_samples: int  # samples without a command from which on the motors take it
     hazards: Any  # Hazards, boxed
 
 
@@ -146,23 +146,23 @@ class Seen(NamedTuple):
     """A sample of the plant."""
 
     true: Measurement  # joints and pose as they are
-    position: Array  # angles that are told [rad], shape (n,)
+    position: Array  # measured angles [rad], shape (n,)
     velocity: Array  # their rates [rad/s], shape (n,)
-    effort: Array  # torque that is told [N m], shape (n,)
+    effort: Array  # measured torque [N m], shape (n,)
 
 
-@inner
+@internal
 def observe(
-    setup: PlantSetup, state: PlantState, sample: int, period: float, is_told: bool
+    setup: PlantSetup, state: PlantState, sample: int, period: float, is_published: bool
 ) -> Seen:
-    """The state of a sample as it is, and as it is told.
+    """The state of a sample as it is, and as it is measured.
 
     Args:
         setup: The plant.
         state: Its state.
         sample: Index of the sample.
         period: Of the samples [s].
-        is_told: Whether hazards leave a message of it.
+        is_published: Whether hazards leave a message of it.
     """
     true = setup.measure(setup.robot, state.coordinates, state.rate)
     position, velocity, effort = true.position, true.velocity, state.torque
@@ -170,13 +170,13 @@ def observe(
         position, velocity = sensed(setup, true, state.time, period)
         effort = effort_at_stamp(setup, effort, state.time, period)
     if setup.hazards.on:
-        said = told(setup.hazards, sample, position, velocity, effort)
-        if is_told:
-            position, velocity, effort = said
+        reported = told(setup.hazards, sample, position, velocity, effort)
+        if is_published:
+            position, velocity, effort = reported
     return Seen(true, position, velocity, effort)
 
 
-@inner
+@internal
 def demanded(
     setup: PlantSetup,
     state: PlantState,
@@ -185,7 +185,7 @@ def demanded(
     arrived: bool,
     sample: int,
 ) -> tuple[Array, Waiting]:
-    """What the motors are asked for over the period after a sample [N m], shape (n,).
+    """Torque demanded of the motors over the period after a sample [N m], shape (n,).
 
     Args:
         setup: The plant.
@@ -228,13 +228,13 @@ def torques(
         limit = limited(setup.hazards, sample_at(state.time, period), limit)
     greatest, least = motors.torque_forward * limit, -motors.torque_backward * limit
     torque = clip(command, least, greatest)
-    acting = torque
+    applied = torque
     if setup.imperfections.on:
         joints = setup.measure(setup.robot, state.coordinates, state.rate)
-        keep_sensed(setup, joints, state.torque, state.time, period)
+        record_sensed(setup, joints, state.torque, state.time, period)
         torque = driven(setup, command, least, greatest, state.time, period)
-        acting = torque - held_disturbance(setup, joints.position, state.time, period)
-    return torque, acting
+        applied = torque - held_disturbance(setup, joints.position, state.time, period)
+    return torque, applied
 
 
 @kernel
@@ -251,21 +251,21 @@ def step(setup: PlantSetup, state: PlantState, command: Array, period: float) ->
         State at the end; not finite if the robot was driven out of its workspace.
     """
     substeps, integrator = setup.parameters.substeps, setup.parameters.integrator
-    torque, acting = torques(setup, state, command, period)
+    torque, applied = torques(setup, state, command, period)
     q, v, t = state.coordinates, state.rate, state.time
     drive = setup.imperfections.on and setup.imperfections.drive.on
     if setup.hazards.on and braked(setup.hazards, sample_at(t, period)):
         if drive:
-            keep_braked(setup, setup.measure(setup.robot, q, v), t, period)
+            record_braked(setup, setup.measure(setup.robot, q, v), t, period)
         return PlantState(q, np.zeros_like(v), torque, t + period)
     if drive:
         joints = setup.measure(setup.robot, q, v)
         angle, _ = rotors(setup, joints, sample_at(t, period))
-        load = torque - acting - cogging(setup, joints.position)
+        load = torque - applied - cogging(setup, joints.position)
         q, v = flexed(setup, q, v, torque - cogging(setup, angle), load, t, period)
         return PlantState(q, v, torque, t + period)
     h = period / substeps
-    arguments = (setup, acting)
+    arguments = (setup, applied)
     for _ in range(substeps):
         if integrator == ODE3:
             q, v = ode3(_acceleration, q, v, t, h, arguments)

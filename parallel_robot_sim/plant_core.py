@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.messages import joint_row, lay_open
+from parallel_robot_control.messages import joint_row, parse
 from parallel_robot_model.common.units import NANOSECONDS, Array
 from parallel_robot_model.compiler import is_finite, kernel, read_row, write_row
 from parallel_robot_model.messages import cdr, layouts
@@ -24,7 +24,7 @@ class PlantCore(NamedTuple):
     period: float  # length of a step [s]
     state: Any  # PlantState, a Struct
     waiting: Any  # Waiting, a Struct
-    asked: Array  # what the motors are asked for over a period [N m], shape (n,)
+    demand: Array  # torque demanded of the motors over a period [N m], shape (n,)
     stamp: NDArray[np.int32]  # in the message, seconds and nanoseconds, shape (2,)
     position: Array  # joints in it [rad], shape (n,) or with the passive joints (n + p,)
     velocity: Array  # their rates [rad/s], same shape
@@ -32,16 +32,16 @@ class PlantCore(NamedTuple):
 
 
 @kernel
-def take(core: Any, command: Array, arrived: bool) -> None:
-    """Find what the motors are asked for over the next period.
+def update_demand(core: Any, command: Array, arrived: bool) -> None:
+    """Find the torque demanded of the motors over the next period.
 
     Args:
         core: The plant.
         command: The newest command [N m], shape (n,).
         arrived: Whether it is one for this period.
     """
-    newest, sample = read_row(command, 0, core.asked), sample_at(core.state.time, core.period)
-    core.asked, core.waiting.value = demanded(
+    newest, sample = read_row(command, 0, core.demand), sample_at(core.state.time, core.period)
+    core.demand, core.waiting.value = demanded(
         core.setup, core.state, core.waiting.value, newest, arrived, sample
     )
 
@@ -53,8 +53,8 @@ def advance(core: Any, command: Array, arrived: bool) -> bool:
     Returns:
         Whether the robot is still in its workspace; if not, the state is left unchanged.
     """
-    take(core, command, arrived)
-    after = step(core.setup, core.state.value, core.asked, core.period)
+    update_demand(core, command, arrived)
+    after = step(core.setup, core.state.value, core.demand, core.period)
     if not (is_finite(after.coordinates) and is_finite(after.rate)):
         return False
     core.state.value = after
@@ -62,7 +62,7 @@ def advance(core: Any, command: Array, arrived: bool) -> bool:
 
 
 @kernel
-def tell(core: Any, stamp: int) -> bool:
+def write_state(core: Any, stamp: int) -> bool:
     """Write the state into the message; `stamp`: of the sample [ns].
 
     Where sensors tell when they measured, the stamp in the message is earlier.
@@ -90,7 +90,7 @@ def tell(core: Any, stamp: int) -> bool:
 @kernel
 def read_command(wire: Any, data: bytes, command: Array) -> bool:
     """Read a command message; False, with nothing read, if it has no finite torques."""
-    if not lay_open(wire, data):
+    if not parse(wire, data):
         return False
     torques = joint_row(wire, 0)
     for i in range(len(torques)):
@@ -153,6 +153,6 @@ class ReportedEffort:
         before = effort[:0] if self._before is None else self._before
         known = np.vstack([before, effort])
         self._before = known[max(len(known) - self._late, 0) :]
-        told = np.zeros_like(known)
-        told[self._late :] = known[: max(len(known) - self._late, 0)]
-        return told[len(before) :]
+        reported = np.zeros_like(known)
+        reported[self._late :] = known[: max(len(known) - self._late, 0)]
+        return reported[len(before) :]

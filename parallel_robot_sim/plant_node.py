@@ -135,7 +135,7 @@ class PlantNode(SuiteNode):
             ):
                 self.create_service(Trigger, f'~/{name}', answer)
         else:
-            self.keep_time(self.tick)
+            self.start_timer(self.tick)
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs: the samples of ``~/step``."""
@@ -215,7 +215,7 @@ class PlantNode(SuiteNode):
         """Start once there is a controller, and repeat a state without an answer (lockstep)."""
         before, unanswered = self.run.index, time.monotonic_ns() - self._published_at
         if self.run.poll(not self.missing(), unanswered):
-            self._publish(again=before is not None)
+            self._publish(repeat=before is not None)
         standstill = self._standstill()
         if standstill and not self._stood_still:
             self.get_logger().warning(standstill)
@@ -224,7 +224,7 @@ class PlantNode(SuiteNode):
     def _standstill(self) -> str:
         """Why the motion does not go on (lockstep); empty if it does."""
         seconds = 1e-9 * (time.monotonic_ns() - self._advanced_at)
-        if not (self.lockstep and self.run.stands_still(seconds)):
+        if not (self.lockstep and self.run.is_stalled(seconds)):
             return ''
         why = self.missing() or ', '.join(self.ambiguous()) or 'the controller may say why'
         return (
@@ -232,18 +232,18 @@ class PlantNode(SuiteNode):
             '~/reset begins the motion again'
         )
 
-    def _publish(self, again: bool = False) -> None:
+    def _publish(self, repeat: bool = False) -> None:
         """Publish the present state of the run, perhaps once more, up to one that is answered."""
-        self._publish_state(again)
-        while self.run.go_on_alone():
+        self._publish_state(repeat)
+        while self.run.step_unanswered():
             self._publish_state()
 
-    def _publish_state(self, again: bool = False) -> None:
+    def _publish_state(self, repeat: bool = False) -> None:
         stamp = self.run.stamp
         if self.lockstep:
             self._time.publish(self._time_message.encode(stamp))
         self._published_at = time.monotonic_ns()
-        self._advanced_at = self._advanced_at if again else self._published_at
+        self._advanced_at = self._advanced_at if repeat else self._published_at
         if self.run.simulator.heard.told:
             self._states.publish(self.run.message)
             self._published += 1

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_control.messages import wire_of
+from parallel_robot_control.messages import message_layout
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import Struct, entry_point, need_compiler
@@ -22,7 +22,13 @@ from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.configuration import Configuration, assemble_plant
 from parallel_robot_sim.hazards import not_waiting
 from parallel_robot_sim.plant import PlantState
-from parallel_robot_sim.plant_core import PlantCore, advance, read_command, state_layout, tell
+from parallel_robot_sim.plant_core import (
+    PlantCore,
+    advance,
+    read_command,
+    state_layout,
+    write_state,
+)
 
 # The plant as an object: the true robot of a configuration, advanced command by command.
 
@@ -43,7 +49,7 @@ class Simulator:
         self._units = ', '.join(axis.unit for axis in axes)
         self._setup, start, self._hazards, _ = assemble_plant(configuration)
         self._period = loop.period
-        self._patience = self._setup.patience
+        self._timeout_samples = self._setup.timeout_samples
         n = len(loop.joints)
         self._state, self._waiting = Struct(start), Struct(not_waiting(n))
         measure = robot.module.measure
@@ -64,10 +70,10 @@ class Simulator:
                 *(draft.fields[name] for name in ('position', 'velocity', 'effort')),
             )
         )
-        self._wire = wire_of(layouts.float64_multi_array(n), ('data',), range(n))
+        self._wire = message_layout(layouts.float64_multi_array(n), ('data',), range(n))
         self._read = entry_point(read_command, self._wire, b'', np.zeros(n))
         self._advance = entry_point(advance, self._core, np.zeros(n), True)
-        self._tell = entry_point(tell, self._core, 0)
+        self._write_state = entry_point(write_state, self._core, 0)
 
     @property
     def state(self) -> PlantState:
@@ -82,7 +88,7 @@ class Simulator:
 
     def warm(self) -> None:
         """Compile the kernels; the robot advances by one period without torque."""
-        self.advance(np.zeros(len(self._core.asked)))
+        self.advance(np.zeros(len(self._core.demand)))
 
     def read(self, data: bytes, command: np.ndarray) -> bool:
         """Read a command message into `command` [N m], shape (n,).
@@ -120,7 +126,7 @@ class Simulator:
             raise RunError(
                 f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
             )
-        return bool(self._waiting.silent == self._patience)
+        return bool(self._waiting.silent == self._timeout_samples)
 
     def _step(self, command: np.ndarray, arrived: bool) -> bool:
         """Advance the state; False, with the state unchanged, if the robot was driven out."""
@@ -140,7 +146,7 @@ class Simulator:
             RunError: the robot was driven out of its workspace.
         """
         stamp -= int(self.heard.late) * round(self._period * NANOSECONDS)
-        if not self._tell(self._core, stamp):
+        if not self._write_state(self._core, stamp):
             raise RunError(DRIVEN_OUT)
         return self._message.tobytes()
 
@@ -213,7 +219,7 @@ class PlantRun:
     def tick(self, stamp: int) -> bool:
         """Advance to the state of a stamp [ns] (wall time)."""
         if self._reset_requested:
-            self._put_back()
+            self._recreate()
         if self.outside or self.finished:
             return False
         if self.index is not None:
@@ -243,7 +249,7 @@ class PlantRun:
         """
         self.command = torque
         self.commanded = True
-        return self._lockstep and self._steps_left != 0 and self._go_on()
+        return self._lockstep and self._steps_left != 0 and self._step_on()
 
     def poll(self, ready: bool, unanswered: int) -> bool:
         """Start a motion that has no common start or was reset, and repeat states (lockstep).
@@ -268,7 +274,7 @@ class PlantRun:
         self._show(self._start + self.index * self._period)
         return True
 
-    def stands_still(self, seconds: float) -> bool:
+    def is_stalled(self, seconds: float) -> bool:
         """Whether the command that lets the motion go on is missing (lockstep).
 
         Args:
@@ -277,10 +283,10 @@ class PlantRun:
         waits = self.index is not None and not (self.finished or self.outside)
         return waits and self._steps_left != 0 and seconds >= REPEAT / NANOSECONDS
 
-    def go_on_alone(self) -> bool:
+    def step_unanswered(self) -> bool:
         """Step on from a state that hazards leave without an answer (lockstep)."""
         alone = self._lockstep and not self.simulator.heard.answered
-        return alone and self._steps_left != 0 and self._go_on()
+        return alone and self._steps_left != 0 and self._step_on()
 
     def pause(self) -> None:
         """Take no further step (lockstep)."""
@@ -289,7 +295,7 @@ class PlantRun:
     def resume(self, steps: int = ENDLESS) -> bool:
         """Go on for some steps (lockstep); a command that came during a pause acts now."""
         paused, self._steps_left = not self._steps_left, steps
-        return paused and self.commanded and self._go_on()
+        return paused and self.commanded and self._step_on()
 
     def reset(self) -> bool:
         """Put the robot back to its initial pose: now in lockstep, else with the next tick.
@@ -304,11 +310,11 @@ class PlantRun:
         elif self._loop.start_stamp == WAIT and not self._start:
             return False
         else:
-            self._put_back()
+            self._recreate()
             self._was_reset = True
         return True
 
-    def _put_back(self) -> None:
+    def _recreate(self) -> None:
         self.simulator, self.index, self.outside = self._make(), None, ''
         self._reset_requested = self.commanded = False
 
@@ -316,7 +322,7 @@ class PlantRun:
         """Whether the held pose is published at a stamp [ns], while a common start is awaited."""
         return self._loop.start_stamp != WAIT or 0 <= self._start - stamp <= ANNOUNCED
 
-    def _go_on(self) -> bool:
+    def _step_on(self) -> bool:
         """Step to the next state, if there is one (lockstep)."""
         if self.index is None or self.finished or self.outside:
             return False

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
+from parallel_robot_model.robots.contract import Coordinate, angles_between, rotation_components_of
 
 Columns = dict[str, NDArray[Any]]
 
@@ -102,7 +102,7 @@ def _errors(
     """Distance of two places [m], and angle between two poses in space [rad], shape (N,)."""
     distance = np.asarray(np.linalg.norm((actual - reference)[:, :place], axis=1))
     columns = {f'{prefix}platform_error_m': distance}
-    if turns := turns_of(coordinates):
+    if turns := rotation_components_of(coordinates):
         angle = angles_between(actual, reference, turns)
         columns[f'{prefix}platform_rotation_error_rad'] = angle
     return columns

@@ -17,7 +17,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration import yaml_file
-from parallel_robot_model.configuration.plain_data import Placed, merged
+from parallel_robot_model.configuration.plain_data import LocatedDict, merged
 from parallel_robot_model.robots.registry import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -25,7 +25,7 @@ from parallel_robot_sim.motions import Motions, differs, of_simulation, sensor_r
 from parallel_robot_sim.run_columns import JointColumns, of_joints, of_poses
 from parallel_robot_sim.simulation import Simulation, saturation
 from trajectory_gen.configuration import with_duration
-from trajectory_gen.preflight import motion_doubts
+from trajectory_gen.preflight import motion_warnings
 
 File = str | Path
 ROUNDING = 1e-6  # s, much less than between two samples
@@ -148,8 +148,8 @@ class Run:
         seen = motions.seen
         rows = np.searchsorted(seen.time, time - ROUNDING)
         rows = np.minimum(rows, len(seen.time) - 1)
-        told = np.abs(seen.time[rows] - time) < ROUNDING
-        return np.where(told[:, np.newaxis], seen.poses.actual[rows], np.nan)
+        reported = np.abs(seen.time[rows] - time) < ROUNDING
+        return np.where(reported[:, np.newaxis], seen.poses.actual[rows], np.nan)
 
     def __repr__(self) -> str:
         """The run in a line; others for a fault, limits and warnings."""
@@ -217,7 +217,7 @@ def simulate(
     return run_of(resolved, simulation.simulate(configure(resolved)))
 
 
-def changes(param_file: File | Iterable[File] | None, values: Mapping[str, Any]) -> Placed:
+def changes(param_file: File | Iterable[File] | None, values: Mapping[str, Any]) -> LocatedDict:
     """What files of parameters and values change in a configuration.
 
     Args:
@@ -239,7 +239,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
     """
     loop, record, desired = made.experiment.loop, made.run, made.reference
     measured = made.desired
-    acted = int(np.bitwise_or.reduce(record.acted))
+    active_limits = int(np.bitwise_or.reduce(record.active_limits))
     fault = made.fault
     return Run(
         loop.scenario,
@@ -260,13 +260,13 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         np.ascontiguousarray(record.told.sliding_variable),
         made.experiment.trajectory.robot.place,
         None if fault is None else (fault[0], fault[1].text),
-        limits_text(acted) if acted else '',
+        limits_text(active_limits) if active_limits else '',
         (
             *made.experiment.control.law.warnings,
             *sensor_remarks(values),
             *saturation(values, record.effort),
-            *motion_doubts(made.experiment.trajectory),
-            *simulation.plant_doubts(made.configuration),
+            *motion_warnings(made.experiment.trajectory),
+            *simulation.plant_warnings(made.configuration),
         ),
         made,
     )

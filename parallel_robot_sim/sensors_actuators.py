@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, select, some
+from parallel_robot_model.compiler import clip, internal, kernel, select, some
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.drive_step import rotors
 from parallel_robot_sim.noise_and_delay import (
@@ -27,7 +27,7 @@ from parallel_robot_sim.noise_and_delay import (
     newest,
     normals,
     recall,
-    remember,
+    record,
     sample_at,
 )
 
@@ -40,7 +40,7 @@ def rounded(x: Array, step: Array) -> Array:
     return select(step > 0.0, step * np.floor(x / step + 0.5), x)
 
 
-@inner
+@internal
 def _taken(setup: Any, joints: Measurement, sample: int, period: float) -> tuple[Array, Array]:
     """Positions [rad] and velocities [rad/s] as the sensors take them, each shape (n,)."""
     seed, sensor = setup.imperfections.seed, setup.imperfections.sensor
@@ -93,7 +93,7 @@ def sensed(setup: Any, joints: Measurement, time: float, period: float) -> tuple
 
 @kernel
 def effort_at_stamp(setup: Any, torque: Array, time: float, period: float) -> Array:
-    """Torque of the step that ended when the told state was measured [N m], shape (n,).
+    """Torque of the step that ended when the published state was measured [N m], shape (n,).
 
     Args:
         setup: PlantSetup with imperfections.
@@ -110,15 +110,15 @@ def effort_at_stamp(setup: Any, torque: Array, time: float, period: float) -> Ar
 
 
 @kernel
-def keep_sensed(
+def record_sensed(
     setup: Any, joints: Measurement, torque: Array, time: float, period: float
 ) -> None:
     """Remember what the sensors take at a sample; arguments as of the functions above."""
     sample = sample_at(time, period)
-    remember(setup, EFFORT, sample, torque)
+    record(setup, EFFORT, sample, torque)
     position, velocity = _taken(setup, joints, sample, period)
-    remember(setup, POSITION, sample, position)
-    remember(setup, VELOCITY, sample, velocity)
+    record(setup, POSITION, sample, position)
+    record(setup, VELOCITY, sample, velocity)
 
 
 # What motors and disturbances make of a command: delay, steps, lag, noise, faults.
@@ -147,22 +147,22 @@ def driven(
     sample, seed = sample_at(time, period), setup.imperfections.seed
     motors = setup.imperfections.actuator
     # 1. The command that has arrived, in whole steps; there is no torque before the first one.
-    remember(setup, COMMAND, sample, command)
+    record(setup, COMMAND, sample, command)
     zero = np.zeros_like(command)
-    asked = command
+    demand = command
     if setup.imperfections.depth > 0:
-        asked = newest(
+        demand = newest(
             setup, COMMAND, OF_COMMANDS, sample, command, zero, motors.delay, motors.jitter, period
         )
-    asked = clip(rounded(asked, motors.resolution), least, greatest)
+    demand = clip(rounded(demand, motors.resolution), least, greatest)
     # 2. The lag.
     before = zero
     if sample > 0:
         before = recall(setup, LAGGED, sample, command)
     lag = motors.lag
     left = np.exp(-period / lag)
-    remember(setup, LAGGED, sample + 1, asked + (before - asked) * left)
-    torque = asked + (before - asked) * (1.0 - left) * lag / period
+    record(setup, LAGGED, sample + 1, demand + (before - demand) * left)
+    torque = demand + (before - demand) * (1.0 - left) * lag / period
     # 3. Noise, and from its time on, the fault.
     noise = normals(seed, sample, OF_TORQUE, setup.imperfections.draws, command)
     torque = torque + motors.noise * noise
@@ -171,7 +171,7 @@ def driven(
     return clip(select(failed, faulty, torque), least, greatest)
 
 
-@inner
+@internal
 def cogging(setup: Any, position: Array) -> Array:
     """Cogging of motors at their angles, `position` [rad]; torques [N m], shape (n,)."""
     load = setup.imperfections.load
@@ -206,5 +206,5 @@ def held_disturbance(setup: Any, position: Array, time: float, period: float) ->
     if sample > 0:
         before = recall(setup, DISTURBANCE, sample - 1, position)
         noise = left * before + np.sqrt(1.0 - left * left) * drawn
-    remember(setup, DISTURBANCE, sample, noise)
+    record(setup, DISTURBANCE, sample, noise)
     return torque + load.noise * noise

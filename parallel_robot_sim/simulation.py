@@ -13,14 +13,21 @@ from parallel_robot_control.assembly import inertia_of
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.estimation.estimator import MEASURED, kind_for
 from parallel_robot_control.estimation.lock_in import phases
-from parallel_robot_control.reference_buffer import moved_on
+from parallel_robot_control.reference_buffer import extrapolated
 from parallel_robot_control.safety import checks, faults
-from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, apart
+from parallel_robot_model.common.errors import DRIVEN_OUT, InputError, RunError, distinct_texts
 from parallel_robot_model.configuration.loop import LoopParameters
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_model.robots.registry import units_of
-from parallel_robot_sim.closed_loop import ClosedLoopRun, begin, end, head, run, run_part
+from parallel_robot_sim.closed_loop import (
+    ClosedLoopRun,
+    final_state,
+    head,
+    initial_state,
+    run,
+    run_part,
+)
 from parallel_robot_sim.configuration import Configuration, Experiment, assemble
 from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
@@ -59,8 +66,8 @@ def saturation_of(values: Mapping[str, Any], count: int, of: int) -> list[str]:
     if not count:
         return []
     limit = np.asarray(values['plant.torque_limit'], np.float64)
-    told = ', '.join(f'{each:g}' for each in (limit if np.ptp(limit) else np.unique(limit)))
-    return [SATURATED.format(told, f'{100.0 * (count / of):.3g}', units_of(values).of('N m'))]
+    texts = ', '.join(f'{each:g}' for each in (limit if np.ptp(limit) else np.unique(limit)))
+    return [SATURATED.format(texts, f'{100.0 * (count / of):.3g}', units_of(values).of('N m'))]
 
 
 MAX_SAMPLES = 5_000_000  # samples of a simulation that keeps all of them in memory
@@ -104,7 +111,7 @@ class Simulation(NamedTuple):
         """Desired joint motion when the states were measured, each shape (N, n)."""
         known = self.reference
         motion = JointReference(known.position, known.velocity, known.acceleration)
-        then: JointReference = moved_on.py_func(  # type: ignore[attr-defined]
+        then: JointReference = extrapolated.py_func(  # type: ignore[attr-defined]
             motion, -self.age
         )
         return then
@@ -117,7 +124,7 @@ class Simulation(NamedTuple):
 
     @property
     def summary(self) -> RunSummary:
-        """What is told of it as a whole."""
+        """Summary of the whole run."""
         summary = RunSummary()
         summary.add(self)
         return summary
@@ -144,7 +151,7 @@ class Simulation(NamedTuple):
     def _fault(self, number: int) -> Fault:
         """A fault of this run; of a foreign law, with what became of it."""
         fault = faults.of(self.experiment.trajectory.robot.module)[number]
-        return self.experiment.control.law.explained(fault)
+        return self.experiment.control.law.explain(fault)
 
     def refusal(self, number: int) -> str:
         """Why a fault was not cleared, by the number of the fault whose cause is there."""
@@ -171,7 +178,7 @@ class Simulation(NamedTuple):
         if number != faults.SPEED or not fast.size:
             return self._fault(number).text
         joint = int(fast[0])
-        value, limit = apart(float(speeds[joint]), float(limits[joint]))
+        value, limit = distinct_texts(float(speeds[joint]), float(limits[joint]))
         unit = self.experiment.trajectory.robot.joint_units.one(joint).of('rad/s')
         return (
             f'{loop.joints[joint]} at {value} {unit} is above safety.speed_limit, {limit} {unit}'
@@ -179,14 +186,14 @@ class Simulation(NamedTuple):
 
 
 class RunSummary:
-    """What is told of a run as a whole, from its parts."""
+    """Summary of a whole run, from its parts."""
 
     def __init__(self) -> None:
         self.steps = 0  # number of its rows
         # when the controller entered a fault [s], and which; empty where it was cleared
         self.faults: list[tuple[float, str]] = []
         self.refused: list[tuple[float, str]] = []  # when one was not cleared [s], and why
-        self.acted = 0  # bits of all limits that acted
+        self.active_limits = 0  # bits of all limits that acted
         self.phase = 0  # what the identification of the delay was doing at the end
         self.loop_time = 0.0  # time spent in the loop [s]
         self._loop: LoopParameters | None = None
@@ -209,7 +216,7 @@ class RunSummary:
         self._most = max(self._most, float(np.abs(run.effort).max()))
         self._loop, self._fault = loop, int(run.fault[-1])
         self._torque = part.experiment.trajectory.robot.joint_units.of('N m')
-        self.acted |= int(np.bitwise_or.reduce(run.acted))
+        self.active_limits |= int(np.bitwise_or.reduce(run.active_limits))
         self.phase = int(part.phases[-1])
         self.loop_time += part.loop_time
         self.steps += run.steps
@@ -292,7 +299,7 @@ def attempt(configuration: Configuration) -> Simulation:
         InputError: a value is wrong, the duration is zero, or the robot cannot perform the motion.
         RunError: the robot is outside its workspace from the start.
     """
-    with locating(configuration.values):
+    with with_location(configuration.values):
         samples = samples_of(configuration)
     return next(parts(configuration, samples))
 
@@ -311,13 +318,13 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
         RunError: the robot is outside its workspace from the start.
     """
     loop, period = configuration.loop, configuration.loop.period
-    with locating(configuration.values):
+    with with_location(configuration.values):
         samples = samples_of(configuration, LONGEST)
         experiment = assemble(configuration, min(samples, size or AT_ONCE))
     trajectory, control, plant = experiment.trajectory, experiment.control, experiment.plant
-    known = experiment.known
+    known = experiment.first_samples
     run(control, plant, trajectory.sample(0.0), period)  # compiles the loop, or loads it
-    state = begin(control, plant)
+    state = initial_state(control, plant)
     first, first_fault = 0, None
     while first < samples:
         stop = min(samples, max(first + (size or AT_ONCE), plant.hazards.calm))
@@ -352,18 +359,18 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
             )
         if driven_out:
             break
-        state, first = end(made), stop
+        state, first = final_state(made), stop
 
 
 # What does not suit the sensors or the period, which no controller knows but a simulation.
 
 
-def plant_doubts(configuration: Configuration) -> tuple[str, ...]:
+def plant_warnings(configuration: Configuration) -> tuple[str, ...]:
     """What of the plant does not suit the law or the period, one line each; often nothing."""
-    return noise_doubts(configuration) + friction_doubts(configuration)
+    return noise_warnings(configuration) + friction_warnings(configuration)
 
 
-def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
+def friction_warnings(configuration: Configuration) -> tuple[str, ...]:
     """A line on the joints that dry friction may stop and turn between two samples.
 
     In a period of h, dry friction F of joint j changes its rate by h F [M^-1]_jj. At most half of
@@ -395,7 +402,7 @@ def friction_doubts(configuration: Configuration) -> tuple[str, ...]:
     )
 
 
-def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
+def noise_warnings(configuration: Configuration) -> tuple[str, ...]:
     """What the active law says of the noise of the velocities that it is given.
 
     Nothing where they are estimated or differentiated: their noise is another one.
@@ -409,5 +416,5 @@ def noise_doubts(configuration: Configuration) -> tuple[str, ...]:
     noise = float(np.max(sensor.velocity_noise))
     if not noise:
         return ()
-    doubts = law.judge_noise(configuration.gains[name], noise, configuration.loop.period)
-    return tuple(f'{name}: {text}' for text in doubts)
+    warnings = law.noise_warnings(configuration.gains[name], noise, configuration.loop.period)
+    return tuple(f'{name}: {text}' for text in warnings)

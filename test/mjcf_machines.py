@@ -12,8 +12,8 @@ from scipy.linalg import qr
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
+    ORIENTATION,
     POINT,
-    TURN,
     Mechanism,
     elements,
 )
@@ -154,13 +154,21 @@ def _closures(model, frame):
             rows.append([COUPLING, one, other, *nothing, ratio, offset])
             continue
         (first, x, R), (second, y, T) = (_site(model, frame, s) for s in (one, other))
-        kinds = [POINT] if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT else [POINT, TURN]
+        kinds = [POINT] if model.eq_type[e] == mujoco.mjtEq.mjEQ_CONNECT else [POINT, ORIENTATION]
         rows += [
             [kind, first, second, x, y, R @ T.T, direction, 0.0, 0.0]
             for kind in kinds
             for direction in np.eye(3)
         ]
-    names = 'closure', 'first', 'second', 'first_point', 'second_point', 'turned', 'direction'
+    names = (
+        'closure',
+        'first',
+        'second',
+        'first_point',
+        'second_point',
+        'relative_rotation',
+        'direction',
+    )
     shapes = (), (), (), (3,), (3,), (3, 3), (3,), (), ()
     kinds = (np.int64,) * 3 + (float,) * 6
     columns = list(zip(*rows, strict=True)) or [()] * 9
@@ -181,7 +189,15 @@ def _independent(m, model, data):
     rank = np.linalg.matrix_rank(block, 1e-9)
     rows = np.sort(qr(block.T, pivoting=True)[2][:rank])
     columns = np.sort(qr(block[rows], pivoting=True)[2][:rank])
-    names = 'closure', 'first', 'second', 'first_point', 'second_point', 'turned', 'direction'
+    names = (
+        'closure',
+        'first',
+        'second',
+        'first_point',
+        'second_point',
+        'relative_rotation',
+        'direction',
+    )
     fields = {name: getattr(m, name)[rows] for name in (*names, 'ratio', 'offset')}
     return m._replace(passive=m.passive[columns], **fields)
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from parallel_robot_model.mechanisms.mechanism import POINT, TURN
+from parallel_robot_model.mechanisms.mechanism import ORIENTATION, POINT
 
 
 def tree(m):
@@ -26,9 +26,9 @@ def contacts(m, tree_model):
     for first, second in sorted(set(zip(m.first.tolist(), m.second.tolist(), strict=True))):
         rows = np.flatnonzero((m.first == first) & (m.second == second))
         k = rows[m.closure[rows] == POINT][0]
-        turns = rows[m.closure[rows] == TURN]
+        turns = rows[m.closure[rows] == ORIENTATION]
         kind = pin.ContactType.CONTACT_6D if len(turns) else pin.ContactType.CONTACT_3D
-        turned = m.turned[turns[0]] if len(turns) else np.eye(3)
+        turned = m.relative_rotation[turns[0]] if len(turns) else np.eye(3)
         places = pin.SE3(turned, m.first_point[k]), pin.SE3(np.eye(3), m.second_point[k])
         joints = first + 1, second + 1
         found.append(

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from parallel_robot_model.mechanisms.closing import FOUND, close
+from parallel_robot_model.mechanisms.closure_solver import FOUND, close
 from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.tool import tool_pose

@@ -47,7 +47,7 @@ class Rig:
         keys = {key.replace('__', '.'): value for key, value in overrides.items()}
         self.values = resolve(scenario, {'time_mode': mode, **keys})
         self.controller = Controller(configure(self.values))
-        self.controller.begin(START)
+        self.controller.set_start(START)
         self.simulator = Simulator(configure_plant(self.values))
         self.samples = trajectory_of(self.values).sample(np.arange(SAMPLES) * 1e-3)
         self.k = 0  # index of the state that is next

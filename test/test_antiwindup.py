@@ -103,4 +103,4 @@ def test_without_saturation_nothing_changes(law):
 def test_in_the_paper_s_scenarios_no_limit_acts(scenario, law):
     fast = {'approach.duration': 0.4} if law in STRONG else {}
     made = simulated(config.resolve(scenario, {'law': law, 'duration': 12.0, **fast}))
-    assert not made.run.acted.any() and not made.run.fault.any()
+    assert not made.run.active_limits.any() and not made.run.fault.any()

@@ -6,7 +6,7 @@ from assembly import simulate
 
 from parallel_robot_control.approach import (
     BACK,
-    GOES_ON,
+    CONTINUES,
     START,
     ApproachMemory,
     ApproachParameters,
@@ -34,7 +34,7 @@ def courses(duration, count, begin=START, way_back=1.0, acceleration=1.0):
     for _ in range(count):
         joined = _approached(parameters, memory, begin, REFERENCE, position, velocity, DT)
         position = velocity = vector([np.nan, np.nan])  # only the first state counts
-        begin = GOES_ON
+        begin = CONTINUES
         rows.append(
             [np.asarray(a) - np.asarray(b) for a, b in zip(joined, REFERENCE, strict=True)]
         )

@@ -86,7 +86,7 @@ def test_the_other_assembly_mode_is_not_taken_in_silence(push):
 def test_the_pose_that_the_user_tells_is_taken(push):
     rig = Crossed(push)
     about = rig.simulator.pose + np.array([0.02, -0.02, 0.1])
-    rig.controller.place(rig.controller.pose_near(about.tolist()))
+    rig.controller.set_pose(rig.controller.pose_near(about.tolist()))
     assert rig.error() < 1e-4 and rig.controller.status.pose != LOST  # it still creeps
     assert rig.controller.clear_fault() == ''
     assert rig.goes_on_calmly()

@@ -21,7 +21,7 @@ from parallel_robot.studies.calibration import bag_calibration, measured_poses
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import JOINT_STATES, Topic
-from parallel_robot_model.processes.ending_signals import Ended
+from parallel_robot_model.processes.termination_signals import Terminated
 
 TRUE = {  # all of it: what is not said follows the robot that is believed in
     'true_robot.l1': 0.4008,
@@ -509,7 +509,7 @@ def test_a_signal_in_machine_code_ends_the_command(monkeypatch, capsys):
     """Python tells it as the cause of another error."""
 
     def interrupted(_):
-        raise SystemError('returned a result with an exception set') from Ended(15)
+        raise SystemError('returned a result with an exception set') from Terminated(15)
 
     monkeypatch.setattr(calibrate, 'execute', interrupted)
     assert run('calibrate', 'bag') == 143 and not capsys.readouterr().err

@@ -20,7 +20,7 @@ def told(effort, torque=TORQUE, units=HINGES):
     looked = ClampedEfforts(('first', 'second'), [TOLERANCE, TOLERANCE], units)
     for acts, asked in zip(effort, torque, strict=True):
         looked.note(np.array([asked, acts]), np.array([asked, asked]), np.zeros(2))
-    return looked.told()
+    return looked.warning()
 
 
 @pytest.mark.parametrize('sign', [1.0, -1.0])
@@ -63,7 +63,7 @@ def explained(apply, law, begin=0):
         applied = apply(asked, seen.velocity) if rig.k >= begin else asked
         rig.simulator.advance(applied)
         rig.k += 1
-    return rig.controller.explained(rig.controller.status.fault).text
+    return rig.controller.explain(rig.controller.status.fault).text
 
 
 @pytest.mark.parametrize('law', ['s_fotsmc', 'pid'])

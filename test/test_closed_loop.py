@@ -39,7 +39,9 @@ def circle():
 )
 def test_steady_error(scenario, overrides, bound):
     done = simulate(scenario, overrides=overrides)
-    assert not done.out.fault.any() and not done.out.acted.any() and done.out.steps == 12001
+    assert (
+        not done.out.fault.any() and not done.out.active_limits.any() and done.out.steps == 12001
+    )
     assert done.steady_rms() < bound
 
 

@@ -19,7 +19,7 @@ from parallel_robot_model.mechanisms.description.compiled import (
 from parallel_robot_model.mechanisms.description.machine import read as read_text
 from parallel_robot_model.robots.described.robot import (
     compiled_of,
-    compiler_doubt,
+    compiler_warning,
     description_of,
 )
 
@@ -32,7 +32,7 @@ ARM = (
 )
 
 
-@pytest.mark.parametrize('name', config_files.shipped_machines())
+@pytest.mark.parametrize('name', config_files.builtin_machines())
 def test_numbers_of_shipped_machines_are_those_of_the_compiler(name):
     path = config_files.machine_path(name)
     text = robot_file.text_of(path)
@@ -74,9 +74,9 @@ def test_numbers_of_strangers_are_checked(change, message):
 
 def test_numbers_that_the_compiler_does_not_make_are_told():
     data = json.loads(written(ARM, 'MuJoCo', read(ARM)))
-    assert compiler_doubt(ARM, json.dumps(data)) == ''
+    assert compiler_warning(ARM, json.dumps(data)) == ''
     data['description']['bodies'][0]['mass'] += 1e-6
-    assert 'makes other numbers of the description' in compiler_doubt(ARM, json.dumps(data))
+    assert 'makes other numbers of the description' in compiler_warning(ARM, json.dumps(data))
 
 
 def test_numbers_that_no_machine_has_are_refused_as_those_of_a_file():

@@ -17,7 +17,7 @@ from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.motions import untrue
 from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.plant import step
-from parallel_robot_sim.plant_again import UnderCommands
+from parallel_robot_sim.plant_replay import UnderCommands
 
 H = 1e-3  # s
 FREE = {

@@ -38,7 +38,7 @@ class Relay(SuiteNode):
         self.publisher(topics.COMMANDS)
         self.subscribe(topics.JOINT_STATES, print)
 
-    def doubt(self, text):
+    def warn(self, text):
         if 'two publishers' in text:
             self.told.append(text)
 
@@ -65,7 +65,7 @@ def test_a_stranger_is_told_again_when_its_name_becomes_known(node, peer, monkey
     heard_of = SimpleNamespace(node_namespace='/', node_name='_NODE_NAME_UNKNOWN_')
     with monkeypatch.context() as patch:
         patch.setattr(relay, 'get_publishers_info_by_topic', lambda _: [heard_of])
-        relay._on_stranger(topics.JOINT_STATES, several=False)
+        relay._on_unknown_publisher(topics.JOINT_STATES, several=False)
         relay._publish_diagnostics()
     (line,) = relay.told
     assert line.endswith(f'{name} has 1 publisher: one that is not known yet')
@@ -82,7 +82,7 @@ def test_a_publisher_that_was_restarted_is_not_called_two(node, peer):
     relay, _ = node(Relay, None)
     peer.publisher(topics.JOINT_STATES)
     peer.until(lambda: relay.count_publishers('/joint_states') == 1)
-    relay._on_stranger(topics.JOINT_STATES, several=False)
+    relay._on_unknown_publisher(topics.JOINT_STATES, several=False)
     relay._publish_diagnostics()
     assert relay.told[0].startswith(
         'messages of two publishers, one ended or not known yet, those'
@@ -96,7 +96,7 @@ def test_a_publisher_that_was_killed_is_not_called_one_that_is_used(node, monkey
     named = SimpleNamespace(node_namespace='/', node_name='joint_state_broadcaster')
     monkeypatch.setattr(relay, 'get_publishers_info_by_topic', lambda _: [named] * 2)
     monkeypatch.setattr(relay._connections, 'silence', lambda _: 2.34)
-    relay._on_stranger(topics.JOINT_STATES, several=False)
+    relay._on_unknown_publisher(topics.JOINT_STATES, several=False)
     relay._publish_diagnostics()
     assert relay.told == [
         'messages of two publishers, one silent for 2.3 s: if it was killed, it counts for 20 s, '

@@ -138,7 +138,7 @@ def test_odd_states_are_told_at_once_and_once(case, loop, monkeypatch):
     assert len(told) == 1 and 'joint states are ' in told[0]
     monkeypatch.setattr(joint_states, 'LATELY', 0.0)
     if case != 'a little ahead':  # which is answered
-        assert not any(loop.controller.doubts().values())
+        assert not any(loop.controller.warnings().values())
 
 
 def test_another_rate_of_the_states_is_told_and_nothing_is_skipped(loop, monkeypatch):

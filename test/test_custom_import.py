@@ -133,7 +133,11 @@ def test_a_robot_too(tmp_path, capsys):
     ('key', 'what', 'change'),
     [
         ('custom_laws', 'initial_memory', ('(joints):\n', '(joints):\n    os._exit(0)\n')),
-        ('custom_laws', 'judge', ('@kernel', 'def judge(gains):\n    os._exit(0)\n\n@kernel')),
+        (
+            'custom_laws',
+            'validate_gains',
+            ('@kernel', 'def validate_gains(gains):\n    os._exit(0)\n\n@kernel'),
+        ),
         ('custom_robots', 'its Python', ('    return 2\n', '    os._exit(0)\n')),
     ],
 )
@@ -152,7 +156,7 @@ def test_one_that_exits_later_costs_one_line(tmp_path, capsys):
 
 
 def test_one_that_computes_for_ever_is_stopped(tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(child_process, 'WHOLE', 1)
+    monkeypatch.setattr(child_process, 'TOTAL_LIMIT', 1)
     file = written(tmp_path, 'endless', 'while True: pass')
     line = refused(['compare', 'paper_circle', '--set', f'custom_laws=[{file}]'], capsys)
     assert f'{file}: its import does not return within 1 s of processor time' in line

@@ -152,10 +152,10 @@ def test_the_preset_of_a_law__are_its_defaults_as_numbers(mine):
 
 
 def test_judge_of_a_law__may_refuse_or_fail(write):
-    judged = '\n\ndef judge(gains):\n    return [f"{1.0 / (gains.Kp - 2.0)}"]\n'
+    judged = '\n\ndef validate_gains(gains):\n    return [f"{1.0 / (gains.Kp - 2.0)}"]\n'
     path = write('judging', ('\n\n@kernel', judged + '\n\n@kernel'))
     assert prepare('judging', values_of(path, **{'judging.Kp': 3.0})).warnings == ('judging: 1.0',)
-    with pytest.raises(InputError, match=r'^judging: judge: ZeroDivisionError'):
+    with pytest.raises(InputError, match=r'^judging: validate_gains: ZeroDivisionError'):
         prepare('judging', values_of(path, **{'judging.Kp': 2.0}))
 
 
@@ -464,7 +464,7 @@ def test_all_that_the_suite_offers_to_a_law_works_with_vectors_and_with_arrays(a
     laws = [made.experiment.control.law for made in (of_vectors, of_arrays)]
     steps = ['step', 'step_with_arrays']
     assert [law.step.function.py_func.__name__ for law in laws] == steps
-    assert of_vectors.run.acted.any()  # the integrals were held, too
+    assert of_vectors.run.active_limits.any()  # the integrals were held, too
     assert np.array_equal(of_vectors.run.command, of_arrays.run.command)
     for one, other in zip(*(law.memory.current for law in laws), strict=True):
         assert np.array_equal(np.array(tuple(one)), np.array(tuple(other)))

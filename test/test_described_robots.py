@@ -218,7 +218,7 @@ class TestRobot:
         for k in range(20):
             there = vector(here + 0.01 * k * rate)
             far = vector(there + 0.1 * rate)
-            judged = robot.module.ahead(asked, margins, far, rate, here)
+            judged = robot.module.estimate_coarse(asked, margins, far, rate, here)
             found = [
                 robot.module.estimate(box, margins, there, rate, here) for box in (asked, plain)
             ]

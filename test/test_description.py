@@ -73,7 +73,7 @@ def test_limits_friction_and_actuators_of_mjcf():
     np.testing.assert_allclose(arm.lower, (-np.pi / 2, -np.inf, -0.2))
     np.testing.assert_allclose(arm.upper, (np.pi / 2, np.inf, 0.3))
     assert arm.effort == (40, 40, np.inf) and arm.velocity == (np.inf,) * 3
-    assert 'servos are taken for motors, their gains left out: tilt' in arm.doubts
+    assert 'servos are taken for motors, their gains left out: tilt' in arm.warnings
 
 
 @pytest.mark.skipif(
@@ -200,7 +200,7 @@ def test_a_five_bar_is_that_of_mujoco(closure):
     assert len(bar.mechanism.closure) == 2
     if 'site1' in closure:
         assert bar.home_moved == pytest.approx(0.0446, abs=1e-4)
-        assert any('open by 0.0446 m at home' in doubt for doubt in bar.doubts)
+        assert any('open by 0.0446 m at home' in doubt for doubt in bar.warnings)
     there = InMujoco(text, at_home.all)
     np.testing.assert_allclose(at_home.W, there.follow([0, 2]), atol=1e-12)
     W = at_home.W
@@ -414,12 +414,12 @@ def test_shapes_give_inertia_where_none_is_written():
 def test_inactive_equalities_and_tendons_are_told():
     text = five_bar().replace('site2="b"/>', 'site2="b" active="false"/>')
     bar = made(text, held=('left_elbow', 'right_elbow'))
-    assert bar.passive == () and any('is not active' in doubt for doubt in bar.doubts)
+    assert bar.passive == () and any('is not active' in doubt for doubt in bar.warnings)
     text = ARM.replace('<motor joint="slide"/>', '<motor name="t" tendon="t"/>').replace(
         '</worldbody>', '</worldbody><tendon><fixed name="t"><joint joint="slide" coef="1"/>'
         '<joint joint="pan" coef="1"/></fixed></tendon>')  # fmt: skip
     arm = made(text, held=['slide', *BALL])
-    assert 'actuators that drive no single joint are left out: t' in arm.doubts
+    assert 'actuators that drive no single joint are left out: t' in arm.warnings
 
 
 def test_without_mujoco_urdf_is_read_and_mjcf_says_what_is_missing(monkeypatch):

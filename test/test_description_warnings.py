@@ -30,12 +30,12 @@ def _strong(text):
 @pytest.fixture
 def odd(tmp_path):
     """A file of which five things must be told, as if none had been."""
-    registry._tell.cache_clear()
+    registry._warn.cache_clear()
     text = _strong(urdf('<gizmo/><link name="stand"/>')).replace('lower="-1"', 'lower="-180"')
     file = tmp_path / 'odd.urdf'
     file.write_text(text.replace('<mass value="2"/>', '<mass value="20000"/>'))
     yield file
-    registry._tell.cache_clear()
+    registry._warn.cache_clear()
 
 
 def test_a_command_tells_it_once_beside_its_results(odd, capsys):

@@ -6,15 +6,15 @@ import threading
 import pytest
 from llvmlite.binding.executionengine import ExecutionEngine
 
-from parallel_robot_model.processes.custom_module import blaming
-from parallel_robot_model.processes.ending_signals import Ended, end
+from parallel_robot_model.processes.custom_module import wrap_user_errors
+from parallel_robot_model.processes.termination_signals import Terminated, terminate
 
 LATEST = 30.0  # s
 
 
 @pytest.fixture(autouse=True)
 def handler():
-    before = signal.signal(signal.SIGTERM, end)
+    before = signal.signal(signal.SIGTERM, terminate)
     yield
     signal.signal(signal.SIGTERM, before)
 
@@ -36,7 +36,7 @@ class Data:
 
 
 def test_a_signal_is_not_blamed_on_custom_code():
-    with pytest.raises(Ended) as caught, blaming('circle'):
+    with pytest.raises(Terminated) as caught, wrap_user_errors('circle'):
         signal.raise_signal(signal.SIGTERM)
     assert caught.value.exit_code == 143
 
@@ -44,6 +44,6 @@ def test_a_signal_is_not_blamed_on_custom_code():
 def test_a_signal_in_a_callback_of_the_compiler_ends_the_command_after_it():
     with pytest.raises(ValueError, match='went on'):
         ExecutionEngine._raw_object_cache_notify(Engine(), Data())
-    with pytest.raises(Ended) as caught:
+    with pytest.raises(Terminated) as caught:
         threading.Event().wait(LATEST)
     assert caught.value.exit_code == 143

@@ -13,7 +13,7 @@ from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot_model.common.errors import BagError
 from parallel_robot_model.configuration import plain_data
-from parallel_robot_model.configuration.fields import PerJoint, words
+from parallel_robot_model.configuration.fields import PerJoint, allowed_words
 
 EXTREMES = st.sampled_from(
     [10**30, -1, 0, 1e308, '', 'x' * 300, '\x1b[2J', [], [[]], {}, ['a'] * 5]
@@ -84,7 +84,7 @@ def test_a_configuration_is_like_the_default_or_refused(changes):
         if kind is PerJoint:  # one number for all joints, or one for each
             kinds = (int, float, list)
             assert values[key] != []
-        if words(kind):  # one of them, or a number
+        if allowed_words(kind):  # one of them, or a number
             kinds = (str, int, float)
         assert isinstance(values[key], kinds), key
 

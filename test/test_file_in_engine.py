@@ -16,7 +16,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies.file_in_engine import compare
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.configuration.config_files import machine_path, shipped_machines
+from parallel_robot_model.configuration.config_files import builtin_machines, machine_path
 from parallel_robot_model.configuration.robot_file import text_of
 from parallel_robot_model.robots.registry import robot_of
 
@@ -47,7 +47,7 @@ def differing(found):
     return {each.what: each for each in found if not each.agrees}
 
 
-@pytest.mark.parametrize('name', shipped_machines())
+@pytest.mark.parametrize('name', builtin_machines())
 def test_shipped_machines_are_those_of_mujoco(name):
     values = resolve('paper_circle', {'robot_model': name})
     engine, found = compare(robot_of(values), machine_path(name))

@@ -180,14 +180,14 @@ def test_a_process_that_was_ended_has_its_gains_again(tmp_path, taken, monkeypat
     file.write_bytes(taken.read_bytes())
     file.with_suffix('.yaml').write_text('gains: {G: s_fotsmc.G}\n')
     first = run_of(file, **{'ended.G': 3.0})
-    begin = ForeignLaw.begin
+    begin = ForeignLaw.start
 
     def begin_after_its_end(law):
         law._channel._process.kill()
         law._channel._process.wait()
         begin(law)
 
-    monkeypatch.setattr(ForeignLaw, 'begin', begin_after_its_end)
+    monkeypatch.setattr(ForeignLaw, 'start', begin_after_its_end)
     np.testing.assert_array_equal(run_of(file, **{'ended.G': 3.0}).command, first.command)
 
 

@@ -61,10 +61,10 @@ def in_lockstep(values):
             states.append(plant.message)
             if controller.answer(plant.message) > 0:
                 commands.append(controller.command)
-                found.append((controller.acts, controller.fault))
+                found.append((controller.applied_stamp, controller.fault))
                 assert plant.simulator.read(controller.command, torque)
                 there = plant.take_command(torque)
-        there = there or plant.go_on_alone()
+        there = there or plant.step_unanswered()
     assert plant.finished
     return states, commands, found
 
@@ -244,7 +244,7 @@ def test_a_link_that_is_down_leaves_the_true_robot_moving(tmp_path):
 
 def test_a_run_without_hazards_does_not_look_at_them():
     plain, later = run_of(), run_of('commands_lost at 5.0 for 1.0')
-    for name in ('pose', 'position', 'velocity', 'effort', 'command', 'fault', 'acted'):
+    for name in ('pose', 'position', 'velocity', 'effort', 'command', 'fault', 'active_limits'):
         assert np.array_equal(getattr(plain, name), getattr(later, name))
 
 

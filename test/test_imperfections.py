@@ -25,7 +25,7 @@ from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.noise_and_delay import mixed, uniform
 from parallel_robot_sim.plant_run import Simulator
-from parallel_robot_sim.sensors_actuators import driven, held_disturbance, keep_sensed, sensed
+from parallel_robot_sim.sensors_actuators import driven, held_disturbance, record_sensed, sensed
 from parallel_robot_sim.simulation import simulate
 
 H = 1e-3  # s
@@ -61,7 +61,7 @@ def _told(setup, positions, velocities, like, answers):
             found = sensed(setup, joints, k * H, H)
             write_row(answers, 4 * k + 2 * again, found[0])
             write_row(answers, 4 * k + 2 * again + 1, found[1])
-        keep_sensed(setup, joints, joints.position, k * H, H)
+        record_sensed(setup, joints, joints.position, k * H, H)
 
 
 def told(setup, positions, velocities=None):

@@ -51,7 +51,7 @@ def _run(setup, model, motion, measured, torques, lates, dts, like, answers):
         found = kalman.predicted(
             setup, model, reference, position, velocity, zero, zero, k > 0, k, lates[k], dts[k]
         )
-        recent_torques.remember(setup, k, read_row(torques, k, like), 0.0 * like, True)
+        recent_torques.record(setup, k, read_row(torques, k, like), 0.0 * like, True)
         write_row(answers, 3 * k, found.position)
         write_row(answers, 3 * k + 1, found.velocity)
         write_row(answers, 3 * k + 2, found.disturbance)

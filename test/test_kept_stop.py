@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_model.processes.user_directory import KeptStop
+from parallel_robot_model.processes.user_directory import StopRecord
 
 
 @pytest.fixture
@@ -20,34 +20,34 @@ def places(tmp_path, monkeypatch):
 
 
 def test_it_is_kept_until_it_is_forgotten(places):
-    stop = KeptStop('/arm/controller')
-    assert stop.told_at() is None and not stop.forget()
+    stop = StopRecord('/arm/controller')
+    assert stop.stopped_at() is None and not stop.forget()
     before = time.time()
-    assert not stop.keep()
+    assert not stop.save()
     (kept,) = places[0].iterdir()
     assert kept.name == 'stopped_7.arm.controller' and kept.stat().st_mode & 0o777 == 0o600
-    assert before - 1.0 <= KeptStop('/arm/controller').told_at() <= time.time() + 1.0
+    assert before - 1.0 <= StopRecord('/arm/controller').stopped_at() <= time.time() + 1.0
     os.utime(kept, (1e9, 1e9))
-    assert stop.told_at() == 1e9
-    assert not stop.keep() and stop.told_at() > 1e9  # told again
-    assert not KeptStop('/arm/controller').forget() and stop.told_at() is None
+    assert stop.stopped_at() == 1e9
+    assert not stop.save() and stop.stopped_at() > 1e9  # told again
+    assert not StopRecord('/arm/controller').forget() and stop.stopped_at() is None
 
 
 def test_each_node_of_each_domain_has_its_own(places, monkeypatch):
-    KeptStop('/controller').keep()
-    assert KeptStop('/arm/controller').told_at() is None
-    assert KeptStop('/other').told_at() is None
+    StopRecord('/controller').save()
+    assert StopRecord('/arm/controller').stopped_at() is None
+    assert StopRecord('/other').stopped_at() is None
     monkeypatch.setenv('ROS_DOMAIN_ID', '8')
-    assert KeptStop('/controller').told_at() is None
+    assert StopRecord('/controller').stopped_at() is None
     monkeypatch.setenv('ROS_DOMAIN_ID', '7')
-    assert KeptStop('/controller').told_at()
+    assert StopRecord('/controller').stopped_at()
 
 
 def test_it_is_kept_elsewhere_where_there_is_no_place(places):
     places[0].parent.mkdir()
     places[0].write_text('')  # a file in place of the directory
-    stop = KeptStop('/controller')
-    assert not stop.keep() and stop.told_at()
+    stop = StopRecord('/controller')
+    assert not stop.save() and stop.stopped_at()
     assert [path.name for path in places[1].iterdir()] == ['stopped_7.controller']
 
 
@@ -55,7 +55,7 @@ def test_it_is_told_when_it_cannot_be_kept(places):
     for place in places:
         place.parent.mkdir(exist_ok=True)
         place.write_text('')
-    assert KeptStop('/controller').keep() == (
+    assert StopRecord('/controller').save() == (
         'no directory of your own for stopped_7.controller; set XDG_STATE_HOME to one'
     )
 
@@ -75,17 +75,17 @@ def test_what_is_no_file_is_neither_followed_nor_touched(what, places, tmp_path)
         target.write_text('mine')
         os.utime(target, (1e9, 1e9))
         TRAPS[what](path)
-    stop = KeptStop('/controller')
-    assert 'stopped_7.controller' in stop.keep()
-    assert stop.told_at() is None and not stop.forget()
+    stop = StopRecord('/controller')
+    assert 'stopped_7.controller' in stop.save()
+    assert stop.stopped_at() is None and not stop.forget()
     assert path.lstat() and target.stat().st_mtime == 1e9
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason='only root gives files away')
 def test_a_file_of_another_user_stops_nobody(places):
-    stop = KeptStop('/controller')
-    stop.keep()
+    stop = StopRecord('/controller')
+    stop.save()
     (kept,) = places[0].iterdir()
     os.chown(kept, 12345, 12345)
-    assert stop.told_at() is None and not stop.forget() and kept.exists()
-    assert not stop.keep() and stop.told_at()  # in the other place
+    assert stop.stopped_at() is None and not stop.forget() and kept.exists()
+    assert not stop.save() and stop.stopped_at()  # in the other place

@@ -10,7 +10,7 @@ from numba import typeof, types
 from numba.core.runtime import rtsys
 from numba.core.runtime._nrt_python import memsys_enable_stats
 
-from parallel_robot_model.compiler import Boxed, FirstClass, kernel, vector
+from parallel_robot_model.compiler import Boxed, FunctionValue, kernel, vector
 
 
 class Constants(NamedTuple):
@@ -57,7 +57,7 @@ def quotient(a, b):
 
 
 def test_a_kernel_is_a_value_that_another_one_calls():
-    doubled, squared = FirstClass(twice, 1.0), FirstClass(square, 1.0)
+    doubled, squared = FunctionValue(twice, 1.0), FunctionValue(square, 1.0)
     assert apply(doubled, 3.0) == 12.0
     compiled = len(apply.signatures)
     assert apply(squared, 3.0) == 81.0
@@ -65,7 +65,7 @@ def test_a_kernel_is_a_value_that_another_one_calls():
 
 
 def test_a_call_by_value_runs_the_same_code():
-    by_value = FirstClass(third, 1.0)
+    by_value = FunctionValue(third, 1.0)
     for x in np.random.default_rng(5).standard_normal(100):
         assert apply(by_value, x) == third(third(x)) == plain(plain(x))
 
@@ -75,9 +75,9 @@ def plain(x):
 
 
 def test_first_class_needs_no_compiling_anew():
-    FirstClass(twice, 1.0)
+    FunctionValue(twice, 1.0)
     before = len(twice.signatures)
-    FirstClass(twice, 7.0)
+    FunctionValue(twice, 7.0)
     assert len(twice.signatures) == before
 
 

@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from parallel_robot_model.compiler import FirstClass, kernel, kernels
+from parallel_robot_model.compiler import FunctionValue, kernel, kernels
 from parallel_robot_model.processes import cache_directory
 
 ROOT = Path(__file__).parents[1]
-KEPT = cache_directory.KEPT
+KEPT = cache_directory.MAX_VERSIONS
 
 
 @pytest.fixture
@@ -141,11 +141,17 @@ def test_a_version_that_was_used_since_is_kept(tree):
 
 def test_custom_files_have_more_room_and_not_without_end(tmp_path, monkeypatch):
     monkeypatch.setattr(cache_directory, 'OWN', str(tmp_path))
-    for number in range(cache_directory.KEPT_CUSTOM + 2):
+    for number in range(cache_directory.MAX_CUSTOM_VERSIONS + 2):
         found = cache_directory.custom(f'law_{number}')
         os.utime(found, (time.time() - 9999.0 + number,) * 2)
     kept = [(tmp_path / 'custom' / f'law_{number}').exists() for number in range(5)]
-    assert cache_directory.KEPT_CUSTOM > 2 * KEPT and kept == [False, False, True, True, True]
+    assert cache_directory.MAX_CUSTOM_VERSIONS > 2 * KEPT and kept == [
+        False,
+        False,
+        True,
+        True,
+        True,
+    ]
 
 
 def test_copies_of_the_same_sources_share_a_cache(tree, tmp_path_factory, monkeypatch):
@@ -394,7 +400,7 @@ def test_the_private_parts_of_numba_that_are_used_are_there():
     assert isinstance(implementation, kernels._Files)
     assert isinstance(implementation.locator, kernels._Place)
     assert implementation.filename_base.startswith('test_kernel_cache.')
-    value = FirstClass(kernel(lambda x: 2.0 * x), 1.0)
+    value = FunctionValue(kernel(lambda x: 2.0 * x), 1.0)
     assert value._numba_type_.key == value.signature()
 
 

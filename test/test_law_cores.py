@@ -10,7 +10,7 @@ from numba.core.typing import typeof as typing_module
 from parallel_robot_control.configuration import configure
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.controller import Controller
-from parallel_robot_control.prepared_law import renewed
+from parallel_robot_control.prepared_law import with_gains
 from parallel_robot_model.compiler import vectors
 from parallel_robot_model.configuration import config
 from trajectory_gen.configuration import trajectory_of
@@ -112,5 +112,5 @@ def test_a_custom_law_is_tried_with_its_new_gains(made):
     gains = made.law.gains
     custom = made.law._replace(name='own')
     law = made.configuration.laws[made.law.name]
-    assert renewed(custom, law, gains) is custom
-    assert renewed(custom, law, type(gains)(*gains)) is None
+    assert with_gains(custom, law, gains) is custom
+    assert with_gains(custom, law, type(gains)(*gains)) is None

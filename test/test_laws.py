@@ -485,6 +485,10 @@ def test_the_folder_is_the_list_of_laws():
 def test_what_a_law_leaves_out_has_a_default():
     law, full = Law.of(SimpleNamespace(Gains=tuple)), LAWS['calm_tracking']
     assert (law.ESTIMATOR, law.LEVELS, law.PLACE, law.MODEL) == ('none', 0.0, False, True)
-    assert not law.judge(()) and not law.judge_noise((), 1.0, 1e-3) and law.foreign is None
+    assert (
+        not law.validate_gains(())
+        and not law.noise_warnings((), 1.0, 1e-3)
+        and law.foreign is None
+    )
     assert (full.ESTIMATOR, full.LEVELS, full.PLACE, full.MODEL) == ('kalman', 1.0, True, True)
-    assert LAWS['s_fotsmc'].judge is LAWS['fotsmc'].judge
+    assert LAWS['s_fotsmc'].validate_gains is LAWS['fotsmc'].validate_gains

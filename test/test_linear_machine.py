@@ -5,7 +5,7 @@ import pytest
 
 from parallel_robot_model.common.errors import InputError, KinematicsError, RobotError
 from parallel_robot_model.configuration import config_files, robot_file
-from parallel_robot_model.mechanisms import closing, dynamics
+from parallel_robot_model.mechanisms import closure_solver, dynamics
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.described.robot import default_values, described
 
@@ -73,7 +73,7 @@ def test_the_regressor_gives_the_torques_of_the_kernels(case, differs):
     n = q.shape[1]
     M, Q, gravity = *np.zeros((2, n, n)), np.zeros(n)
     for k in range(len(q)):
-        assert closing.close(mechanism, made, q[k]) == closing.FOUND
+        assert closure_solver.close(mechanism, made, q[k]) == closure_solver.FOUND
         dynamics.model(mechanism, made, velocity[k], M, Q, gravity)
         wanted = M @ acceleration[k] + Q @ velocity[k] + gravity
         assert np.allclose(Y[k] @ values, wanted, rtol=1e-10, atol=1e-12)

@@ -12,7 +12,7 @@ from parallel_robot_control.estimation import lock_in
 from parallel_robot_control.estimation.lock_in import (
     FOUND,
     KEPT,
-    UNDER_WAY,
+    RUNNING,
     WAITING,
     LockInParameters,
     result,
@@ -92,7 +92,7 @@ def test_joints_that_disagree_leave_the_default():
     found = found_by(made)
     assert found.phase == KEPT and found.delay == 1.5 * T
     assert np.ptp(found.of_joints) > 0.5 * T
-    assert made.phases[[0, 700, -1]].tolist() == [WAITING, UNDER_WAY, KEPT]
+    assert made.phases[[0, 700, -1]].tolist() == [WAITING, RUNNING, KEPT]
 
 
 def test_until_it_has_ended_the_default_is_used_and_afterwards_what_was_found():
@@ -119,14 +119,14 @@ def test_until_it_has_ended_the_default_is_used_and_afterwards_what_was_found():
 def _observe(setup, model, torques, measured, samples, like):
     for i in range(len(samples)):
         k = samples[i]
-        lock_in.begin(setup, k, i > 0, False)
+        lock_in.reset(setup, k, i > 0, False)
         torque, error = read_row(torques, k, like), read_row(measured, k, like)
         lock_in.observe(setup, k, model, error, torque, 0.0, False)
 
 
 @kernel
 def _added(setup, count, torques):
-    lock_in.begin(setup, 0, False, False)
+    lock_in.reset(setup, 0, False, False)
     for k in range(count):
         write_row(torques, k, lock_in.added(setup, k))
 

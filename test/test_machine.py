@@ -284,7 +284,7 @@ def test_the_tool_is_what_is_fixed_to_the_end():
 
 
 def test_gravity_below_the_limits_is_no_doubt():
-    assert not any('gravity' in line for line in made(stretched('effort="3"')).doubts)
+    assert not any('gravity' in line for line in made(stretched('effort="3"')).warnings)
 
 
 def test_speeds_of_a_file_are_the_limits():
@@ -325,13 +325,13 @@ def changed(joint, attributes):
     ],
 )  # fmt: skip
 def test_doubts_are_told(text, doubt):
-    assert any(doubt in line for line in made(text).doubts)
+    assert any(doubt in line for line in made(text).warnings)
 
 
 @pytest.mark.parametrize('ends', ['lower="-6.3" upper="6.3"', 'lower="-1e16" upper="1e16"'])
 def test_a_turn_to_both_sides_and_a_travel_without_end_are_no_degrees(ends):
     text = urdf().replace('lower="-1" upper="2"', ends)
-    assert text != urdf() and not any('travel' in line for line in made(text).doubts)
+    assert text != urdf() and not any('travel' in line for line in made(text).warnings)
 
 
 @pytest.mark.parametrize(

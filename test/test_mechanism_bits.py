@@ -10,8 +10,8 @@ import pytest
 from mjcf_machines import MACHINES, made, samples
 
 from parallel_robot_model.compiler import INTERPRETED, Boxed, kernel
-from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.closures import place
+from parallel_robot_model.mechanisms.closure_solver import close
+from parallel_robot_model.mechanisms.closures import update_frames
 from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.mechanism import FOUND, NO_COORDINATE, layout
@@ -62,7 +62,7 @@ def test_as_python_they_are_the_same(tmp_path):
 @kernel
 def placed(m, w):
     """All frames at the positions in `trial`."""
-    place(m, w)
+    update_frames(m, w)
 
 
 @pytest.mark.parametrize('name', MACHINES)

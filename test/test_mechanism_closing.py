@@ -5,7 +5,7 @@ import pytest
 from mjcf_machines import MACHINES, closure_row, made, mujoco, samples
 
 from parallel_robot_model.common.errors import RobotError
-from parallel_robot_model.mechanisms.closing import close, close_roughly
+from parallel_robot_model.mechanisms.closure_solver import close, close_coarsely
 from parallel_robot_model.mechanisms.closures import all_accelerations, joint_rates
 from parallel_robot_model.mechanisms.mechanism import (
     COUPLING,
@@ -15,7 +15,7 @@ from parallel_robot_model.mechanisms.mechanism import (
     SINGULAR,
 )
 from parallel_robot_model.mechanisms.skeleton import frames, postures
-from parallel_robot_model.mechanisms.workspace import begin, workspace
+from parallel_robot_model.mechanisms.workspace import reset_to_home, workspace
 
 LOOPS = [name for name in MACHINES if name not in ('arm', 'wrist', 'universal')]
 
@@ -75,7 +75,7 @@ def test_what_is_only_judged_is_closed_to_six_digits_and_leaves_no_trace(name):
     for q in samples(machine, 200, seed=4):
         assert close(*exact, q) == FOUND
         for here in (q + rng.normal(size=machine.n) * 1e-2, q):
-            assert close_roughly(*judging, here) == FOUND
+            assert close_coarsely(*judging, here) == FOUND
             assert open_by(machine, judging[1].all) < 1e-6
         apart.append(np.abs(judging[1].W - exact[1].W).max() / np.abs(exact[1].W).max())
         assert close(*judging, q) == FOUND
@@ -86,12 +86,12 @@ def test_what_is_only_judged_is_closed_to_six_digits_and_leaves_no_trace(name):
 
 def test_what_is_only_judged_has_the_faults_of_what_is_exact():
     m, w = made('five_bar').boxed()
-    assert close_roughly(m, w, w.q) == FOUND
-    assert close_roughly(m, w, np.array([np.pi, 0.0])) == NOT_CLOSED
+    assert close_coarsely(m, w, w.q) == FOUND
+    assert close_coarsely(m, w, np.array([np.pi, 0.0])) == NOT_CLOSED
     m, w = made('parallelogram').boxed()
-    assert close_roughly(m, w, np.array([3.0])) == FOUND
-    assert close_roughly(m, w, np.array([3.3])) == SINGULAR
-    assert close_roughly(m, w, np.array([np.nan])) == NOT_FINITE
+    assert close_coarsely(m, w, np.array([3.0])) == FOUND
+    assert close_coarsely(m, w, np.array([3.3])) == SINGULAR
+    assert close_coarsely(m, w, np.array([np.nan])) == NOT_FINITE
 
 
 @pytest.mark.parametrize('name', MACHINES)
@@ -110,12 +110,12 @@ def test_jump_leads_where_small_steps_lead(name):
     machine = made(name)
     m, w = machine.boxed()
     for q in samples(machine, 10, seed=3, near=0.3):
-        begin(m, w)
+        reset_to_home(m, w)
         assert close(m, w, w.q) == FOUND
         home = w.q.copy()
         fault = close(m, w, q)
         jumped = w.all.copy()
-        begin(m, w)
+        reset_to_home(m, w)
         slow = [close(m, w, home + s * (q - home)) for s in np.linspace(0.0, 1.0, 300)]
         assert fault == FOUND == max(slow)
         np.testing.assert_allclose(jumped, w.all, rtol=0.0, atol=1e-13)

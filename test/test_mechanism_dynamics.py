@@ -11,7 +11,7 @@ from vectors import OnVectors
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.mechanism import FOUND
 from parallel_robot_model.robots import planar_3rrr

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from mjcf_machines import MACHINES, made, samples
 
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.closures import joint_rates
 from parallel_robot_model.mechanisms.dynamics import free_acceleration, model
 from parallel_robot_model.mechanisms.mechanism import FOUND

@@ -9,8 +9,8 @@ from mjcf_machines import MACHINES, compiled, machine, made, samples, serial_2r
 from scipy.spatial.transform import Rotation
 from test_serial_2r import ARM
 
-from parallel_robot_model.mechanisms.closing import close
-from parallel_robot_model.mechanisms.margins import keeps, margins
+from parallel_robot_model.mechanisms.closure_solver import close
+from parallel_robot_model.mechanisms.margins import margins, margins_hold
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
     NOT_CLOSED,
@@ -19,7 +19,7 @@ from parallel_robot_model.mechanisms.mechanism import (
 )
 from parallel_robot_model.mechanisms.pose_solving import pose_motion, solve_pose
 from parallel_robot_model.mechanisms.tool import tool_motion, tool_pose
-from parallel_robot_model.mechanisms.workspace import begin
+from parallel_robot_model.mechanisms.workspace import reset_to_home
 
 EVERY = pytest.mark.parametrize('name', MACHINES)
 
@@ -136,7 +136,7 @@ def test_one_angle_goes_on_beyond_half_a_turn():
     np.testing.assert_allclose(pose, [0.2, -7.0], atol=1e-13)
     assert solve_pose(m, w, np.array([0.1, 8.0])) == FOUND
     np.testing.assert_allclose(w.q, [0.1, 8.0], atol=1e-14)
-    begin(m, w)
+    reset_to_home(m, w)
     assert close(m, w, w.q) == FOUND
     tool_pose(m, w, pose)
     assert pose.tolist() == [0.0, 0.0]
@@ -227,8 +227,8 @@ def test_margins_are_singular_values(name):
         closed, free = margins(m, w)
         r = len(w.error)
         assert closed == pytest.approx(evenness(w.jacobian[:, :r]) if r else 1.0, abs=1e-7)
-        assert keeps(m, w, closed - 1e-6, free - 1e-6) == (True, True)
-        assert keeps(m, w, closed + 1e-6, free + 1e-6) == (False, False)
+        assert margins_hold(m, w, closed - 1e-6, free - 1e-6) == (True, True)
+        assert margins_hold(m, w, closed + 1e-6, free + 1e-6) == (False, False)
         if not len(m.coordinate):
             assert free == 1.0
             continue
@@ -249,7 +249,7 @@ def test_margins_are_judged_alike_whatever_was_judged_before(name):
     least = (1.0 - 1e-6) * 0.5 * (np.median(true) + min(true))  # of some, all are alike
     for q in way:
         close(m, w, q)
-        found.append(keeps(m, w, least, 0.0)[0])
+        found.append(margins_hold(m, w, least, 0.0)[0])
     assert found == [margin >= least for margin in true]
     assert r == 0 or np.ptp(true) < 1e-6 or not all(found)
 

@@ -117,7 +117,7 @@ FILES = {
 def test_the_parameter_is_known_from_the_command_line(words, value, tmp_path):
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
-    assert middleware.asked_middleware(['node', *words.split()]) == value
+    assert middleware.requested_middleware(['node', *words.split()]) == value
 
 
 def test_a_value_that_comes_too_late_is_refused():
@@ -134,14 +134,14 @@ def test_a_value_that_comes_too_late_is_refused():
     ],
 )
 def test_a_middleware_that_does_not_start_says_why_in_one_line(said, hint):
-    with pytest.raises(InputError) as caught, middleware.explained():
+    with pytest.raises(InputError) as caught, middleware.wrap_rcl_errors():
         raise RCLError(said)
     assert ' '.join(said.split()) in str(caught.value) and hint in str(caught.value)
     assert '\n' not in str(caught.value)
 
 
 def test_a_log_without_a_place_is_told_before_rcl_does(monkeypatch):
-    for name in middleware.LOG_PLACES:
+    for name in middleware.LOG_VARIABLES:
         monkeypatch.delenv(name, raising=False)
-    with pytest.raises(InputError, match='set ROS_LOG_DIR'), middleware.explained():
+    with pytest.raises(InputError, match='set ROS_LOG_DIR'), middleware.wrap_rcl_errors():
         pass

@@ -11,7 +11,7 @@ from parallel_robot_model.configuration import config
 from trajectory_gen import preflight
 from trajectory_gen.configuration import changed, motions_of, resolve, trajectory_of
 from trajectory_gen.shapes import SHAPES
-from trajectory_gen.trajectory import Course
+from trajectory_gen.trajectory import MotionSequence
 
 pytest_plugins = ['ros_fixtures']
 
@@ -69,9 +69,9 @@ def test_a_change_is_continuous_and_ends_in_the_motion_asked_for(name, node):
 def test_the_difference_fades_by_a_quintic_polynomial():
     """Between two motions at rest, that is the polynomial of the shape `move`."""
     here, there = [0.5, 0.36, 1.4], [0.47, 0.38, 1.6]
-    course = Course(planned(trajectory__shape='hold', hold__pose=here), 1e-3)
+    course = MotionSequence(planned(trajectory__shape='hold', hold__pose=here), 1e-3)
     wanted = {'trajectory.shape': 'hold', 'hold.pose': there}
-    found = preflight.led_into(course, 5, motions_of(resolve('paper_circle', wanted)))
+    found = preflight.transition_to(course, 5, motions_of(resolve('paper_circle', wanted)))
     move = planned(trajectory__shape='move', move__start=here, move__end=there, move__duration=2.0)
     times = np.arange(1, 2500)
     for got, wanted in zip(found.sample(times + 5), move.sample(times * 1e-3), strict=True):
@@ -115,10 +115,10 @@ def test_what_does_not_change_the_motion_is_stored_and_no_more(node):
     run = Run(node)
     assert not run.set(line__duration=2.0)  # even before it has begun
     run.go(500)
-    before = run.node._course
+    before = run.node._sequence
     assert not run.set(line__duration=1.0, trajectory__transition=1.0, circle__radius=0.03)
     assert not run.set(trajectory__shape='circle')
-    assert run.node._course is before and not run.node.has_parameter('granted.motion')
+    assert run.node._sequence is before and not run.node.has_parameter('granted.motion')
     assert run.node.get_parameter('line.duration').value == 1.0
     assert not run.set(circle__radius=0.02)
     assert run.told[0].endswith('in 1 s')
@@ -171,12 +171,12 @@ def test_what_is_wrong_is_refused_in_one_line_and_changes_nothing(node):
     run = Run(node)
     assert 'the motion has not begun' in run.set(circle__radius=0.02)
     run.go(100)
-    before, parameters = run.node._course, run.node.get_parameters_by_prefix('')
+    before, parameters = run.node._sequence, run.node.get_parameters_by_prefix('')
     known = {key: parameter.value for key, parameter in parameters.items()}
     for name, (changes, reason) in REFUSED.items():
         refused = run.set(**changes)
         assert reason in refused and len(refused) < 400, (name, refused)
-        assert run.node._course is before
+        assert run.node._sequence is before
         parameters = run.node.get_parameters_by_prefix('')
         assert known == {key: parameter.value for key, parameter in parameters.items()}, name
     assert not run.node.counts and not run.set(circle__radius=0.02)

@@ -8,7 +8,7 @@ from parallel_robot.cli.command_line import main
 from parallel_robot.studies import verification
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.mechanisms import closing, closures, dynamics
+from parallel_robot_model.mechanisms import closure_solver, closures, dynamics
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.registry import robot_of
 from parallel_robot_sim.configuration import configure_plant
@@ -56,7 +56,10 @@ def test_accelerations_are_those_of_mujoco(machine):
     data.qpos = robot.module.posture(robot.parameters, pose)
     found = np.zeros(n)
     velocity, torque = random.normal(size=(2, n))
-    assert closing.close(mechanism, made, data.qpos[mechanism.actuated]) == closing.FOUND
+    assert (
+        closure_solver.close(mechanism, made, data.qpos[mechanism.actuated])
+        == closure_solver.FOUND
+    )
     closures.joint_rates(mechanism, made, velocity)
     data.qvel = made.rate
     data.qfrc_applied[mechanism.actuated] = torque

@@ -11,7 +11,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config
 from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.trajectory import Course
+from trajectory_gen.trajectory import MotionSequence
 
 pytest_plugins = ['ros_fixtures']
 
@@ -57,7 +57,7 @@ def test_it_passes_through_the_points_without_a_jump(node):
 
 def test_derivatives_of_the_points_are_those_of_the_motion():
     """A quintic from each point to the next is exactly the polynomial that it was made of."""
-    course = Course(trajectory_of(config.resolve('paper_circle')), 1e-3)
+    course = MotionSequence(trajectory_of(config.resolve('paper_circle')), 1e-3)
     t = np.array([0.5, 1.0, 1.5])
     u = t / 1.5
 
@@ -141,11 +141,11 @@ def test_a_wrong_one_is_refused_in_one_line_and_changes_nothing(node, monkeypatc
     run.ask(message())
     assert 'the motion has not begun' in lines.pop()
     run.go(10)
-    before = run.node._course
+    before = run.node._sequence
     for name, (asked, reason) in WRONG.items():
         run.ask(asked)
         assert len(lines) == 1 and reason in lines[0] and len(lines[0]) < 400, (name, lines)
-        assert lines.pop().startswith('new motion refused: ') and run.node._course is before
+        assert lines.pop().startswith('new motion refused: ') and run.node._sequence is before
     assert run.node.counts['new motions refused'] == len(WRONG) + 1
 
 

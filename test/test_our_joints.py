@@ -18,13 +18,13 @@ def test_messages_without_any_of_our_joints_are_of_others(topic):
     watch = OurJoints(topic, OURS)
     arm = ('joint4', 'joint5', 'joint6')  # as long as ours
     for k in range(1, 4):
-        assert watch.others(message(topic, ('gripper_left',), k))
-        assert not watch.others(message(topic, OURS, k))
-        assert watch.others(message(topic, arm, k))
-        assert not watch.others(message(topic, (*arm, 'joint1'), k))  # the reader says it
-        assert not watch.others(message(topic, OURS[::-1], k))
+        assert watch.is_foreign(message(topic, ('gripper_left',), k))
+        assert not watch.is_foreign(message(topic, OURS, k))
+        assert watch.is_foreign(message(topic, arm, k))
+        assert not watch.is_foreign(message(topic, (*arm, 'joint1'), k))  # the reader says it
+        assert not watch.is_foreign(message(topic, OURS[::-1], k))
 
 
 @pytest.mark.parametrize('data', [b'', b'\0\1\0\0', b'\0' * 200, b'\xff' * 70_000])
 def test_what_is_no_message_is_left_to_its_reader(data):
-    assert not OurJoints(topics.JOINT_STATES, OURS).others(data)
+    assert not OurJoints(topics.JOINT_STATES, OURS).is_foreign(data)

@@ -136,7 +136,7 @@ def test_friction_of_a_tendon_of_one_joint_is_that_of_the_joint():
     assert made(arm(beside=one)).coulomb == pytest.approx((0.0, 1.2))
     two = TENDON.format('frictionloss="0.3"')
     left = "friction of tendon 't' is left out: 0.3 N m or N along it"
-    assert left in made(arm(beside=two)).doubts
+    assert left in made(arm(beside=two)).warnings
 
 
 def _rod(first, second=''):

@@ -12,7 +12,7 @@ from parallel_robot_control.laws import adaptive_s_fotsmc
 from parallel_robot_model.configuration import config
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import simulate
-from parallel_robot_sim.simulation import noise_doubts
+from parallel_robot_sim.simulation import noise_warnings
 
 LAW = {
     'law': 'adaptive_s_fotsmc',
@@ -23,7 +23,7 @@ LAW = {
 
 def doubts(**changes):
     named = {key.replace('__', '.'): value for key, value in changes.items()}
-    return noise_doubts(configure(resolve('paper_circle', LAW | named)))
+    return noise_warnings(configure(resolve('paper_circle', LAW | named)))
 
 
 def test_a_barrier_inside_the_noise_is_warned_about():
@@ -45,8 +45,8 @@ def test_the_noise_of_the_sliding_variable_is_that_of_two_rates():
     width = adaptive_s_fotsmc.INSIDE * found
     gains = adaptive_s_fotsmc.Gains(0.9, 20.0, width, 500.0, 16.0, 6.5, 0.5, 0.67)
     assert found == pytest.approx(math.sqrt(2.0) * noise / dt, rel=0.01)
-    assert adaptive_s_fotsmc.judge_noise(gains, 0.98 * noise, dt) == []
-    assert adaptive_s_fotsmc.judge_noise(gains, 1.02 * noise, dt)
+    assert adaptive_s_fotsmc.noise_warnings(gains, 0.98 * noise, dt) == []
+    assert adaptive_s_fotsmc.noise_warnings(gains, 1.02 * noise, dt)
 
 
 def test_simulate_says_so(tmp_path, capsys):
@@ -58,11 +58,11 @@ def test_simulate_says_so(tmp_path, capsys):
 
 def test_a_slope_that_the_noise_drives_to_the_largest_gain_is_warned_about():
     gains = adaptive_s_fotsmc.Gains(0.9, 50.0, 45.0, 500.0, 16.0, 6.5, 0.5, 0.67)
-    (text,) = adaptive_s_fotsmc.judge_noise(gains, 0.01, 1e-3)
+    (text,) = adaptive_s_fotsmc.noise_warnings(gains, 0.01, 1e-3)
     most = float(text.rpartition(' ')[2])
     s = math.sqrt(2.0) * 0.01 / 1e-3
     assert most * s / (1.0 - s / 45.0) == pytest.approx(500.0, rel=5e-3)  # the barrier's G at s
-    assert adaptive_s_fotsmc.judge_noise(gains._replace(slope=0.99 * most), 0.01, 1e-3) == []
+    assert adaptive_s_fotsmc.noise_warnings(gains._replace(slope=0.99 * most), 0.01, 1e-3) == []
 
 
 def test_the_gains_of_the_study_suit_its_noise():
@@ -71,7 +71,7 @@ def test_the_gains_of_the_study_suit_its_noise():
     own = study['laws']['adaptive_s_fotsmc']
     changes = {f'adaptive_s_fotsmc.{key}': value for key, value in own.items()}
     values = resolve('paper_circle', {'law': 'adaptive_s_fotsmc', **changes})
-    assert noise_doubts(configure(values | {'sensor.velocity_noise': noise})) == ()
+    assert noise_warnings(configure(values | {'sensor.velocity_noise': noise})) == ()
 
 
 def test_dry_friction_that_is_stiff_for_the_period_is_told_with_what_it_takes():

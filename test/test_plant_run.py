@@ -239,13 +239,13 @@ def test_after_a_common_start_no_state_is_repeated_but_a_reset_begins_again():
 
 def test_a_motion_stands_still_without_a_command_that_is_due():
     rig = Rig('lockstep')
-    assert not rig.run.stands_still(60.0)
+    assert not rig.run.is_stalled(60.0)
     rig.begin()
-    assert rig.run.stands_still(0.5) and not rig.run.stands_still(0.4)
+    assert rig.run.is_stalled(0.5) and not rig.run.is_stalled(0.4)
     rig.run.pause()
-    assert not rig.run.stands_still(60.0)
+    assert not rig.run.is_stalled(60.0)
     rig.run.resume()
-    assert rig.run.stands_still(60.0) and rig.run.reset() and not rig.run.stands_still(60.0)
+    assert rig.run.is_stalled(60.0) and rig.run.reset() and not rig.run.is_stalled(60.0)
 
 
 @pytest.mark.parametrize('start', [0, WAIT, START])

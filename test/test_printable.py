@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from parallel_robot_model.common.errors import apart, printable
+from parallel_robot_model.common.errors import distinct_texts, printable
 
 
 @given(st.text() | st.lists(st.text()) | st.floats())
@@ -35,4 +35,4 @@ def test_plain_values_stay(value, shown):
     ],
 )
 def test_a_value_and_its_limit_can_be_told_apart(value, limit, texts):
-    assert apart(value, limit) == texts
+    assert distinct_texts(value, limit) == texts

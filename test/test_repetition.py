@@ -42,7 +42,7 @@ def learner(turn, gain=0.5, lead=0.0, cutoff=50.0, wait=0.0, period=T):
         repetition=Boxed(as_constants(parameters)),
         safety=setup_of(torque_limit=LIMIT),
         has_model=True,
-        turn=turn,
+        repetition_samples=turn,
         period=period,
         memory=memory,
     )

@@ -105,7 +105,7 @@ def live(directory, script, common=True, skipped=(), says=True, since=0, given=(
     reference = trajectory_of(values).sample(np.arange(N + 1) * 1e-3)
     records = reference_messages(loop.joints, stamps, reference)
     if common:
-        controller.begin(START)
+        controller.set_start(START)
     status, known, late, torque = None, 0, -5, np.zeros(3)
     with BagWriter(directory, topics.RECORDED, describe(loop, values, START * common)) as bag:
 
@@ -208,7 +208,7 @@ def test_a_pose_that_was_told_is_replayed(tmp_path):
     def tell(controller):
         position, pose = controller.state.position, controller.state.pose
         modes = controller._modes.all(np.array(position), np.array(pose))
-        controller.place(modes[1])
+        controller.set_pose(modes[1])
 
     script = {
         120: lambda controller: controller.trip(faults.EMERGENCY_STOP),

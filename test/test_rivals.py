@@ -119,7 +119,7 @@ def test_a_limited_torque_is_no_disturbance():
 
 
 def test_an_observer_that_is_too_slow_is_warned_about():
-    assert adrc.judge(gains_of(adrc, 'adrc', w_c=30.0, w_o=90.0)) == []
+    assert adrc.validate_gains(gains_of(adrc, 'adrc', w_c=30.0, w_o=90.0)) == []
     (warning,) = prepare('adrc', VALUES | {'adrc.w_o': 59.0}).warnings
     assert 'w_o = 59 1/s is less than 3 w_c = 60 1/s' in warning
 

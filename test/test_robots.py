@@ -278,9 +278,11 @@ def test_the_motion_in_the_file_of_a_robot_is_feasible(file):
 
 def test_what_a_robot_leaves_out_has_a_default():
     robot = Robot.of(SimpleNamespace(PLANAR=True, Parameters=tuple, estimate='kernel'))
-    assert robot.constants('own') == 'own' and robot.planar(()) and robot.ahead == 'kernel'
+    assert (
+        robot.constants('own') == 'own' and robot.planar(()) and robot.estimate_coarse == 'kernel'
+    )
     assert robot.Constants is tuple is not MODULES['planar_3rrr'].Constants
-    assert robot.units(()) == robot.doubts(()) == robot.margins((), ()) == ()
+    assert robot.units(()) == robot.warnings(()) == robot.margins((), ()) == ()
     assert robot.home(()) is robot.NO_POSE is robot.linear_model is robot.tree is None
     assert np.isnan(robot.pose_with((), (), ())).all() and not robot.OWN_MEMORY
     assert MODULES['planar_3rrr'].NO_POSE and MODULES['planar_3rrr'].tree is not None

@@ -368,7 +368,7 @@ class Before(NamedTuple):
 
     torque: np.ndarray
     offset: np.ndarray
-    takes_over: bool
+    bumpless: bool
 
 
 def last(torque, offset=(0.0, 0.0, 0.0), takes_over=False):
@@ -405,7 +405,7 @@ def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
     """The offset falls by 1 N m a sample, whatever the time between two; what the law asks for
     beside it is there at once.
     """
-    demand, before = np.array([5.0, -5.0, 0.2]), last((0.0, 0.0, 0.0), takes_over=True)
+    demand, before = np.array([5.0, -5.0, 0.2]), last((0.0, 0.0, 0.0), bumpless=True)
     for k in range(1, 8):
         torque, excess, offset, acted = limit_torque(LIMITS, demand, before, 1e-3, gap)
         left = np.array([max(5.0 - k, 0.0), -max(5.0 - k, 0.0), 0.0])
@@ -421,7 +421,7 @@ def test_a_take_over_is_faded_out_and_the_loop_is_not_slowed(gap):
 def test_a_take_over_is_faded_at_the_same_rate_whatever_the_period(period):
     values = config.resolve('paper_circle', {'period': period, 'safety.ramp_rate': [1000.0] * 3})
     limits, demand = assemble(configure(values)).setup.safety, np.array([8.0, -8.0, 8.0])
-    before = last((0.0, 0.0, 0.0), takes_over=True)
+    before = last((0.0, 0.0, 0.0), bumpless=True)
     torque, *_ = limit_torque(limits, demand, before, period, period)
     assert np.abs(torque) == pytest.approx(1000.0 * period, rel=1e-12)
 
@@ -454,7 +454,7 @@ def test_whatever_is_asked_and_was_before_the_torque_is_within_its_limits(
 def test_a_controller_that_takes_over_goes_on_from_the_effort_within_its_limit(effort):
     """Of whatever unit the effort may be: drives that report a current exist."""
     rig = Rig(safety__torque_limit=[100.0] * 3, safety__torque_rate=[60_000.0] * 3)
-    rig.controller.begin(1)  # the motion began long ago
+    rig.controller.set_start(1)  # the motion began long ago
     sample = rig.step(rig.measured()._replace(effort=np.array([effort, 0.0, 0.0])))
     expected = np.clip(effort, -100.0, 100.0) if math.isfinite(effort) else 0.0
     assert abs(sample.torque[0] - expected) <= 1.0 + 1e-12

@@ -22,7 +22,7 @@ class Topic:
     def hear(self, number, after=PERIOD, who=FIRST):
         """Hear a message some time after the last one."""
         self.now += after
-        if not self._watch.strange(number):
+        if not self._watch.is_unknown(number):
             self.used.append((who, number))
         else:
             self.several |= self._watch.several()

@@ -28,7 +28,7 @@ from parallel_robot.live.frames import Motion as States
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.mechanisms.description.machine import machine, read
 from parallel_robot_model.mechanisms.joint_kinds import HINGE, SLIDE
-from parallel_robot_model.robots.contract import Coordinate, angles_between, turns_of
+from parallel_robot_model.robots.contract import Coordinate, angles_between, rotation_components_of
 from parallel_robot_model.robots.link import frames
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import robot_of
@@ -83,7 +83,11 @@ def moved(hexapod):
     joints = mechanism.home[mechanism.actuated] + 0.02 * time[:, np.newaxis]
     effort = np.stack([np.sin(k + time) for k in range(6)], axis=1)
     return Motion(
-        time, joints, joints + 1e-5, effort, Poses(actual, reference, 3, turns=(0, 1, 2))
+        time,
+        joints,
+        joints + 1e-5,
+        effort,
+        Poses(actual, reference, 3, rotation_components=(0, 1, 2)),
     )
 
 
@@ -108,9 +112,16 @@ def test_the_angle_of_a_known_rotation():
         np.testing.assert_allclose(found, angle, rtol=1e-6, atol=1e-15)
     one = np.array([[0.0, 0.0, 0.0, 0.25]])
     assert angles_between(one, 0.0 * one, (1,)) == pytest.approx([0.25])
-    assert turns_of(COORDINATES) == (0, 1, 2) and turns_of(COORDINATES[:3]) == ()
-    assert turns_of((*COORDINATES[:3], COORDINATES[5])) == (2,)
-    assert turns_of(COORDINATES[3:]) == () == turns_of([*COORDINATES[:2], Coordinate('phi', '')])
+    assert (
+        rotation_components_of(COORDINATES) == (0, 1, 2)
+        and rotation_components_of(COORDINATES[:3]) == ()
+    )
+    assert rotation_components_of((*COORDINATES[:3], COORDINATES[5])) == (2,)
+    assert (
+        rotation_components_of(COORDINATES[3:])
+        == ()
+        == rotation_components_of([*COORDINATES[:2], Coordinate('phi', '')])
+    )
     assert np.isnan(angles_between(poses, poses, ())).all()
 
 
@@ -368,7 +379,7 @@ def test_the_urdf_of_a_machine_read_back_is_that_machine(name):
     chosen = {'home': unsaid.get('robot.home', ''), 'tool': unsaid['robot.tool']}
     back = machine(read(posture.description), **chosen)
     made = model.module.machine(model.parameters)
-    assert not any('left out' in line for line in back.doubts)
+    assert not any('left out' in line for line in back.warnings)
     assert {*back.actuated} == {*made.actuated} and len(back.passive) == len(made.passive)
     order = [back.actuated.index(joint) for joint in made.actuated]
     for key in ('lower', 'upper', 'effort', 'velocity', 'viscous', 'coulomb'):

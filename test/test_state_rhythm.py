@@ -23,7 +23,7 @@ def found(steps, parts=1):
 def test_what_is_missing_is_counted_once(parts):
     steps = np.where(np.arange(2000) % 10, 1, 4)
     rhythm = found(steps, parts)
-    assert (rhythm.skipped, rhythm.period, rhythm.doubt) == (3 * 200, MS, '')
+    assert (rhythm.skipped, rhythm.period, rhythm.warning) == (3 * 200, MS, '')
 
 
 @pytest.mark.parametrize('spread', [0.01, 0.3])
@@ -31,7 +31,7 @@ def test_stamps_that_are_not_on_a_grid_are_not_missing(spread):
     """0.99 ms after the last one, nothing is skipped, nor less than nothing."""
     at = np.arange(3000) + np.random.default_rng(2).uniform(-spread, spread, 3000)
     rhythm = found(np.diff(at))
-    assert rhythm.skipped == 0 and not rhythm.doubt
+    assert rhythm.skipped == 0 and not rhythm.warning
     assert found(np.full(3000, 0.99)).skipped == found(np.full(3000, 1.04)).skipped == 0
 
 
@@ -41,7 +41,7 @@ def test_another_period_is_told_and_is_that_of_which_states_are_missing(period, 
     steps[[100, 200]] *= 3
     rhythm = found(steps, 3)
     assert rhythm.skipped == 4
-    assert rhythm.doubt == (
+    assert rhythm.warning == (
         f'joint states come at {rate} Hz, the period says 1000 Hz: '
         f'give the controller the period {period / 1000:g}'
     )
@@ -57,7 +57,7 @@ def test_another_run_and_commands_that_answer_no_state_are_no_states():
     rhythm = found([*[1] * 50, 700, *[1] * 50, -500, *[1] * 50])
     rhythm.note(np.zeros(5, np.int64))
     rhythm.look()
-    assert rhythm.skipped == 0 and not rhythm.doubt
+    assert rhythm.skipped == 0 and not rhythm.warning
 
 
 @pytest.mark.parametrize(
@@ -105,7 +105,7 @@ def held(efforts, commands=ASKED, parts=100):
     for rows in zip(np.array_split(efforts, parts), np.array_split(commands, parts), strict=True):
         looked.note(*rows)
     looked.look()
-    return looked.doubt
+    return looked.warning
 
 
 @pytest.mark.parametrize('every', [2, 4, 10])

@@ -9,7 +9,7 @@ from parallel_robot.bags.history import ControllerStatus, decoded_status
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.faults import EMERGENCY_STOP
-from parallel_robot_control.safety.limiting import ACTED_CODE, ACTED_TEXT, RAMP, TORQUE
+from parallel_robot_control.safety.limiting import LIMIT_CODE, LIMIT_TEXT, RAMP, TORQUE
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Fault
 from parallel_robot_model.robots.registry import ROBOTS
@@ -33,8 +33,8 @@ def test_every_fault_has_a_code_and_a_text_of_its_own(robot):
 
 
 def test_each_limit_has_a_code_of_its_own():
-    assert ACTED_CODE.keys() == ACTED_TEXT.keys() and len({*ACTED_CODE.values()}) == len(
-        ACTED_CODE
+    assert LIMIT_CODE.keys() == LIMIT_TEXT.keys() and len({*LIMIT_CODE.values()}) == len(
+        LIMIT_CODE
     )
 
 

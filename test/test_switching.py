@@ -56,7 +56,7 @@ def follow(parts, control, first, last, plant, cycle):
 def taken_over(cycle, torque):
     """A state whose law has just changed."""
     state = Struct(cycle)
-    state.torque, state.excess, state.takes_over = torque, 0.0 * torque, True
+    state.torque, state.excess, state.bumpless = torque, 0.0 * torque, True
     return state.value
 
 
@@ -96,7 +96,7 @@ def test_from_every_other_law_without_a_jump_to_the_laws_own_error(name, parts, 
         out, _ = follow(parts, one, MOVING, end, at.plant, cycle)
         assert out.steps == end - MOVING and not out.fault.any()
         assert np.isfinite(out.command).all() and np.isfinite(out.pose).all()
-        assert set(out.acted) <= {0, RAMP}
+        assert set(out.active_limits) <= {0, RAMP}
         assert np.abs(out.command[0] - at.command[-1]).max() <= BOUND
         back = error(out.pose, MOVING)[-WINDOW:]
         assert np.sqrt((back**2).mean()) < rms * np.sqrt((own**2).mean()), other
@@ -142,7 +142,7 @@ def test_all_pairs_one_after_the_other_as_parameters_change(parts):
     torques = np.array(rig.torques)
     switches = np.arange(1, len(names)) * dwell
     assert np.abs(torques[switches] - torques[switches - 1]).max() <= BOUND
-    assert sample.status.acted == RAMP
+    assert sample.status.active_limits == RAMP
 
 
 def numbers(memory):

@@ -8,7 +8,7 @@ from parallel_robot.analysis.readable_metrics import as_data, whole
 from parallel_robot.analysis.table import fields_of
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS
 from parallel_robot.studies.sweep.store import METRICS
-from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits, all_of
+from parallel_robot_model.common.units import BOTH, HINGES, PRISMATIC, JointUnits, all_of
 from parallel_robot_model.robots.registry import resolve, units_of
 from parallel_robot_sim.motions import Motion, Motions, Poses
 from parallel_robot_sim.run_columns import JointColumns, of_joints
@@ -30,24 +30,27 @@ from parallel_robot_sim.run_columns import JointColumns, of_joints
     ],
 )
 def test_a_unit_of_hinges_is_told_of_slides(unit, slides, both):
-    assert (HINGES.of(unit), SLIDES.of(unit), BOTH.of(unit)) == (unit, slides, both)
+    assert (HINGES.of(unit), PRISMATIC.of(unit), BOTH.of(unit)) == (unit, slides, both)
 
 
 def test_labels_keys_and_single_joints():
     mixed = JointUnits((False, True))
     assert mixed.label('torque, rms [N m]') == 'torque or force, rms [N m or N]'
-    assert SLIDES.label('|torque| [N m]') == '|force| [N]' and SLIDES.label('Torques') == 'Forces'
+    assert (
+        PRISMATIC.label('|torque| [N m]') == '|force| [N]'
+        and PRISMATIC.label('Torques') == 'Forces'
+    )
     assert mixed.label('Torques') == 'Torques and forces' and HINGES.label('Torques') == 'Torques'
     assert mixed.one(0).label('[N m]') == '[N m]' and mixed.one(1).label('[N m]') == '[N]'
-    assert SLIDES.key('torque_variation_nm_per_s') == 'torque_variation_n_per_s'
+    assert PRISMATIC.key('torque_variation_nm_per_s') == 'torque_variation_n_per_s'
     assert mixed.key('joint_rms_rad') == 'joint_rms_rad_or_m'
     assert HINGES.one(2) == HINGES and HINGES.key('position_rad') == 'position_rad'
-    assert SLIDES.key('xy_rms_m') == 'xy_rms_m' and SLIDES.key('stamp_ns') == 'stamp_ns'
+    assert PRISMATIC.key('xy_rms_m') == 'xy_rms_m' and PRISMATIC.key('stamp_ns') == 'stamp_ns'
 
 
 def test_robots_together_have_the_units_of_all():
-    assert all_of([SLIDES, SLIDES]).of('rad') == 'm'
-    assert all_of([HINGES, SLIDES]).of('rad') == 'rad or m'
+    assert all_of([PRISMATIC, PRISMATIC]).of('rad') == 'm'
+    assert all_of([HINGES, PRISMATIC]).of('rad') == 'rad or m'
     assert all_of([]).of('rad') == 'rad'
 
 
@@ -67,7 +70,7 @@ def still(units):
 
 
 def test_metrics_have_the_units_of_the_joints():
-    found = metrics.figures(still(SLIDES))
+    found = metrics.figures(still(PRISMATIC))
     assert set(as_data(found)['steady']) == {'joint_rms_m', 'sync_rms_m'}
     assert 'max_n' in as_data(found)['torque']
     rows = {name: unit for name, _, unit in whole(found).rows}
@@ -77,7 +80,7 @@ def test_metrics_have_the_units_of_the_joints():
 
 
 def test_a_rotation_error_is_an_angle_with_slides_too():
-    found = metrics.figures(still(SLIDES))
+    found = metrics.figures(still(PRISMATIC))
     turned = found._replace(steady=found.steady._replace(rotation_rms_rad=2e-3))
     assert as_data(turned)['steady']['rotation_rms_rad'] == 2e-3
     (row,) = [row for row in whole(turned).rows if 'rotation error' in row[0]]
@@ -85,7 +88,7 @@ def test_a_rotation_error_is_an_angle_with_slides_too():
 
 
 def test_every_figure_of_a_sweep_has_its_column_in_any_unit():
-    for units in (HINGES, SLIDES, BOTH):
+    for units in (HINGES, PRISMATIC, BOTH):
         names = {units.key(name) for name in METRICS}
         assert len(names) == len(METRICS)
         assert {each.told(units).column for each in (*ERRORS, *OTHERS)} <= names

@@ -451,4 +451,4 @@ def test_messages_name_the_file(text, name, words, tmp_path):
     ],
 )  # fmt: skip
 def test_units_of_masses_and_inertias_are_doubted(old, new, words):
-    assert any(words in line for line in made(shoulder(old, new)).doubts)
+    assert any(words in line for line in made(shoulder(old, new)).warnings)

@@ -45,7 +45,7 @@ def test_drives_that_are_enabled_after_the_controller_are_no_fault(law):
     values = {'law': law, 'duration': 9.0, 'hazards': ['motors_off at 0.0 for 5.0']}
     made = simulated(resolve('paper_circle', values)).run
     assert not made.fault.any()
-    assert (made.acted[100:5000] & EFFORT).all()  # and it is told meanwhile
+    assert (made.active_limits[100:5000] & EFFORT).all()  # and it is told meanwhile
     started = simulated(resolve('paper_circle', {'law': law, 'duration': 4.0})).run
     assert np.abs(made.command[5000:]).max() < max(8.0, 1.5 * np.abs(started.command).max())
     assert np.abs(made.command[8000:]).max() < 3.0
@@ -60,7 +60,7 @@ def test_an_encoder_that_stands_still_with_its_rate_is_found_by_the_momentum():
 @pytest.mark.parametrize('late', [{'actuator.delay': 0.02}, {'actuator.lag': 0.004}])
 def test_a_command_that_acts_late_is_not_lost(late):
     made = simulated(resolve('paper_circle', {'law': 's_fotsmc', 'duration': 3.0, **late})).run
-    assert not made.fault.any() and not (made.acted & EFFORT).any()
+    assert not made.fault.any() and not (made.active_limits & EFFORT).any()
 
 
 def test_a_motor_that_gives_a_little_less_is_not_looked_at_where_this_is_off():

@@ -12,7 +12,7 @@ from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.configuration import points as points_table
 from trajectory_gen import joint_path
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.preflight import motion_doubts
+from trajectory_gen.preflight import motion_warnings
 from trajectory_gen.waypoints import Parameters, motion, prepare
 
 TIMES = np.array([0.0, 0.7, 1.1, 2.0, 3.5, 4.0, 5.2])
@@ -326,7 +326,7 @@ def test_a_log_of_many_rows_is_thinned_and_told(scenario):
     np.savetxt(path, table, delimiter=',', header='t,x,y,phi', comments='')
     changes = {'trajectory.shape': 'waypoints', 'waypoints.file': str(path)}
     trajectory = trajectory_of(config.resolve('paper_circle', changes))
-    (told,) = motion_doubts(trajectory)
+    (told,) = motion_warnings(trajectory)
     assert 'points.csv has 12001 rows, of which one in 3 is followed' in told
     inner = slice(100, -100)  # it rests at both ends
     assert np.abs(trajectory.poses(t).pose[inner, 0] - x[inner]).max() < 1e-9
@@ -337,7 +337,7 @@ def test_numbers_of_other_units_are_doubted(scenario):
         points = [0.5, 0.37, angle, 0.51, 0.37, angle]
         changes = {'waypoints.times': [*times], 'waypoints.points': points, **changes}
         values = {'trajectory.shape': 'waypoints', **changes}
-        return motion_doubts(trajectory_of(config.resolve(of, values)))
+        return motion_warnings(trajectory_of(config.resolve(of, values)))
 
     assert doubts('paper_circle') == ()
     (degrees,) = doubts('paper_circle', angle=90.0)
@@ -351,5 +351,5 @@ def test_numbers_of_other_units_are_doubted(scenario):
     (dropped,) = doubts('serial_2r_circle')
     assert 'phi, which is not used: the pose of serial_2r is x, y' in dropped
     circle = {'trajectory.shape': 'circle', 'circle.phi': -90.0}
-    (degrees,) = motion_doubts(trajectory_of(config.resolve('paper_circle', circle)))
+    (degrees,) = motion_warnings(trajectory_of(config.resolve('paper_circle', circle)))
     assert 'circle: phi reaches -90 rad' in degrees

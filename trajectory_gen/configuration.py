@@ -22,7 +22,12 @@ from parallel_robot_model.configuration.fields import (
     grouped,
 )
 from parallel_robot_model.configuration.loop import DURATION
-from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
+from parallel_robot_model.configuration.plain_data import (
+    LocatedDict,
+    locations_of,
+    merged,
+    with_location,
+)
 from parallel_robot_model.robots import registry
 from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotConfiguration, RobotModel
@@ -45,7 +50,7 @@ class MotionConfiguration(RobotConfiguration):
     @cached_property
     def shapes(self) -> Mapping[str, Shape]:
         """All shapes by name."""
-        with locating(self.values):
+        with with_location(self.values):
             return shapes(self.loop.custom_trajectories)
 
     @cached_property
@@ -67,7 +72,7 @@ class MotionConfiguration(RobotConfiguration):
             UnknownNameError: no such shape.
             InputError: the shape refuses its parameters, or does not suit the robot.
         """
-        with locating(self.values):
+        with with_location(self.values):
             name, robot, known = self.motion.shape, self.robot, self.shapes
             if name not in known:
                 raise UnknownNameError('trajectory.shape', name, known, 'trajectory.shape')
@@ -92,7 +97,7 @@ class MotionConfiguration(RobotConfiguration):
 
     @property
     def asked(self) -> tuple[Any, ...]:
-        """What the desired motion depends on."""
+        """The values on which the desired motion depends."""
         own = self.motion
         return own._replace(lookahead=0.0, transition=0.0), self.limits, self.given(own.shape)
 
@@ -104,7 +109,7 @@ class MotionConfiguration(RobotConfiguration):
         """
         robot = self.robot  # at first the number of its joints
         self.check(declared(robot.module, self.shapes))
-        with locating(self.values):
+        with with_location(self.values):
             check_columns(self.values, robot)
 
     def load_kernels(self) -> None:
@@ -166,7 +171,7 @@ def check_columns(values: Mapping[str, Any], robot: RobotModel) -> None:
     Raises:
         InputError: they are.
     """
-    place = places_of(values).get(points.POINTS)
+    place = locations_of(values).get(points.POINTS)
     if place is None or not place.columns or values['trajectory.shape'] != 'waypoints':
         return
     module, columns = robot.module, place.columns
@@ -250,12 +255,14 @@ def resolve(scenario: str, overrides: Mapping[str, Any] | None = None) -> dict[s
     return config.resolve(scenario, overrides, load(overrides or {}))
 
 
-# How long a run is: what it is told, else as long as its motion, else some turns.
+# How long a run is: as configured, else as long as its motion, else some turns.
 
 KEY = 'duration'
 
 
-def with_duration(scenario: str, changed: Mapping[str, Any], hold: float | None = None) -> Placed:
+def with_duration(
+    scenario: str, changed: Mapping[str, Any], hold: float | None = None
+) -> LocatedDict:
     """Changes of a scenario that say how long its run is.
 
     Args:
@@ -271,8 +278,8 @@ def with_duration(scenario: str, changed: Mapping[str, Any], hold: float | None 
     Raises:
         InputError: a value is wrong, or the motion that is to be followed by a hold has no end.
     """
-    told = KEY in changed or bool(config.scenario_values(scenario).get(KEY))
-    if hold is None and told:
+    given = KEY in changed or bool(config.scenario_values(scenario).get(KEY))
+    if hold is None and given:
         return merged([changed])
     values = resolve(scenario, changed)
     end = trajectory_of(values).end

@@ -49,11 +49,11 @@ def in_pose(robot: RobotModel, joints: Spline, near: Sequence[float]) -> Spline:
     shares = np.concatenate([np.arange(part) / part for part in parts])
     knots = np.repeat(joints.knots[:-1], parts) + shares * np.repeat(steps, parts)
     knots = np.append(knots, joints.knots[-1])
-    motions = _followed(robot, joints, knots - knots[0], near)
+    motions = _pose_track(robot, joints, knots - knots[0], near)
     return Spline(knots, hermite(np.diff(knots), motions), joints.periodic)
 
 
-def _followed(robot: RobotModel, joints: Spline, times: Array, near: Sequence[float]) -> Array:
+def _pose_track(robot: RobotModel, joints: Spline, times: Array, near: Sequence[float]) -> Array:
     """Pose, rate and acceleration at some times since the first point, shape (N, 3, m)."""
     pose = vector(near)
     row = vector(np.zeros(joints.coefficients.shape[2]))

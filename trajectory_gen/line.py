@@ -8,7 +8,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.paths import quintic, way_between
+from trajectory_gen.paths import line_between, quintic
 
 
 class Parameters(NamedTuple):
@@ -35,7 +35,7 @@ def prepare(parameters: Parameters) -> Line:
         InputError: the points are no poses of one robot.
     """
     start, end, duration, phi = parameters
-    return Line(*way_between('line', ('start', 'end'), start, end, phi), duration)
+    return Line(*line_between('line', ('start', 'end'), start, end, phi), duration)
 
 
 @kernel

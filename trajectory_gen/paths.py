@@ -73,7 +73,7 @@ def plane_of(
     return Plane(np.array(center), first, second)
 
 
-def way_between(
+def line_between(
     group: str,
     names: tuple[str, str],
     first: tuple[float, ...],

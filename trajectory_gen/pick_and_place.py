@@ -11,7 +11,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import PoseMotion
-from trajectory_gen.paths import SPACE, length_of, quintic, way_between
+from trajectory_gen.paths import SPACE, length_of, line_between, quintic
 
 
 class Parameters(NamedTuple):
@@ -33,7 +33,7 @@ class Parameters(NamedTuple):
     phi: Annotated[float, Field('rad', 'platform angle, with points x, y')]
 
 
-class Way(NamedTuple):
+class Path(NamedTuple):
     """First pose, way to the other and lift, each shape (m,); times as in Parameters [s]."""
 
     start: Array
@@ -44,7 +44,7 @@ class Way(NamedTuple):
     dwell: float
 
 
-def prepare(parameters: Parameters) -> Way:
+def prepare(parameters: Parameters) -> Path:
     """The way of the parameters.
 
     Raises:
@@ -52,7 +52,7 @@ def prepare(parameters: Parameters) -> Way:
             lowering take longer than the way.
     """
     pick, place, height, direction, duration, rise, dwell, phi = parameters
-    start, way = way_between('pick_and_place', ('pick', 'place'), pick, place, phi)
+    start, way = line_between('pick_and_place', ('pick', 'place'), pick, place, phi)
     size = min(len(pick), SPACE)
     axis = np.array(direction or np.eye(size)[-1])
     if len(axis) != size or not length_of(axis) > 0.0:
@@ -63,11 +63,11 @@ def prepare(parameters: Parameters) -> Way:
         raise InputError(f'pick_and_place.rise {what}', 'pick_and_place.rise')
     lift = np.zeros_like(start)
     lift[:size] = height * axis / length_of(axis)
-    return Way(start, way, lift, duration, rise, dwell)
+    return Path(start, way, lift, duration, rise, dwell)
 
 
 @kernel
-def motion(way: Way, t: float) -> PoseMotion:
+def motion(way: Path, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
     one_way = way.duration + way.dwell
     t = t % (2.0 * one_way)
@@ -85,6 +85,6 @@ def motion(way: Way, t: float) -> PoseMotion:
     )
 
 
-def span(way: Way) -> float:
+def span(way: Path) -> float:
     """Time after which nothing new happens [s]: there and back."""
     return 2.0 * (way.duration + way.dwell)

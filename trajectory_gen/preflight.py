@@ -14,8 +14,8 @@ from trajectory_gen.configuration import MotionConfiguration
 from trajectory_gen.messages import Points
 from trajectory_gen.trajectory import (
     LOOKS,
-    Course,
     Entry,
+    MotionSequence,
     Part,
     Poses,
     Reference,
@@ -34,7 +34,7 @@ def grid(trajectory: Trajectory, period: float) -> np.ndarray:
     return np.linspace(0.0, max(trajectory.span, count * period), int(count) + 1)
 
 
-def check(trajectory: Trajectory, period: float, known: Reference | None = None) -> None:
+def check(trajectory: Trajectory, period: float, samples: Reference | None = None) -> None:
     """Refuse a motion that the robot cannot perform.
 
     Every sample (of a very long motion, MOST_SAMPLES of them) is checked for joint speed and
@@ -43,7 +43,7 @@ def check(trajectory: Trajectory, period: float, known: Reference | None = None)
     Args:
         trajectory: The motion.
         period: Time between samples [s].
-        known: Its first samples, one per period, which then are not computed again.
+        samples: Its first samples, one per period, which then are not computed again.
 
     Raises:
         MotionError: it names the time, the part that fails and the allowed value.
@@ -51,16 +51,16 @@ def check(trajectory: Trajectory, period: float, known: Reference | None = None)
     times = grid(trajectory, period)
     for first in range(0, len(times), AT_ONCE):
         part = times[first : first + AT_ONCE + 1]  # the last is the next first
-        reference = known and _rows(known, first, part, period)
+        reference = samples and _rows(samples, first, part, period)
         _check(trajectory, part, reference or trajectory.sample(part))
 
 
-def _rows(known: Reference, first: int, times: np.ndarray, period: float) -> Reference | None:
+def _rows(samples: Reference, first: int, times: np.ndarray, period: float) -> Reference | None:
     """The rows from `first` on, if they are there and of exactly these times."""
     stop = first + len(times)
-    if len(known.pose) < stop or not np.array_equal(times, np.arange(first, stop) * period):
+    if len(samples.pose) < stop or not np.array_equal(times, np.arange(first, stop) * period):
         return None
-    return Reference._make(each[first:stop] for each in known)
+    return Reference._make(each[first:stop] for each in samples)
 
 
 def _check(trajectory: Trajectory, times: np.ndarray, reference: Reference) -> None:
@@ -94,39 +94,39 @@ USUAL = 100.0  # s, the longest time that is usual
 UNITS = {'ms': 1e-3, 'us': 1e-6, 'ns': 1e-9}  # s
 
 
-def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
+def motion_warnings(trajectory: Trajectory) -> tuple[str, ...]:
     """What a motion looks like that was given in other units, one line each; often nothing."""
     robot, name = trajectory.robot, trajectory.parameters.shape
     axes = robot.module.coordinates(robot.parameters)
-    doubts = [trajectory.note] if trajectory.note else []
+    warnings = [trajectory.note] if trajectory.note else []
     poses = trajectory.poses(np.linspace(0.0, trajectory.span, LOOKS + 1)).pose
     for axis, values in zip(axes, poses.T, strict=True):
         most = float(values[np.argmax(np.abs(values))])
         if axis.unit == 'rad' and abs(most) > TURN:
-            doubts.append(
+            warnings.append(
                 f'{name}: {axis.name} reaches {most:.4g} rad, {most / TURN:.3g} turns: '
                 f'if that is in degrees, it must be {math.radians(most):.4g} rad'
             )
         elif axis.unit == 'm' and abs(most) > FAR:
-            doubts.append(
+            warnings.append(
                 f'{name}: {axis.name} reaches {most:.4g} m: '
                 f'if that is in mm, it must be {1e-3 * most:.4g} m'
             )
     if name != 'waypoints':
-        return tuple(doubts)
+        return tuple(warnings)
     length = trajectory.span * trajectory.parameters.speed_factor
     if length > LONG:
         unit = next((unit for unit, size in UNITS.items() if length * size <= USUAL), 'ns')
-        doubts.append(
+        warnings.append(
             f'waypoints.times last {length:.4g} s: if they are in {unit}, they must be divided '
             f'to last {length * UNITS[unit]:.4g} s'
         )
     if trajectory.size > len(axes):
         names = ', '.join(axis.name for axis in axes)
-        doubts.append(
+        warnings.append(
             f'waypoints.points have phi, which is not used: the pose of {robot.name} is {names}'
         )
-    return tuple(doubts)
+    return tuple(warnings)
 
 
 # How a motion changes while it is performed: planned, checked, and continuous, or refused.
@@ -134,7 +134,9 @@ def motion_doubts(trajectory: Trajectory) -> tuple[str, ...]:
 POINTS = 'points of a message'  # name of such a motion
 
 
-def led_into(course: Course, index: int, motions: MotionConfiguration) -> Course:
+def transition_to(
+    sequence: MotionSequence, index: int, motions: MotionConfiguration
+) -> MotionSequence:
     """A course until a sample, then led into another motion.
 
     Both go on during ``trajectory.transition``, in which one fades into the other. A motion of
@@ -146,12 +148,12 @@ def led_into(course: Course, index: int, motions: MotionConfiguration) -> Course
     Raises:
         MotionError: the robot cannot perform it.
     """
-    before = course.until(index)
+    before = sequence.until(index)
     trajectory = motions.with_parts(here=tuple(before.sample(index).pose[0].tolist())).trajectory
     last, duration = before.parts[-1], trajectory.parameters.transition
-    time = (index - last.begin) * course.period
+    time = (index - last.begin) * sequence.period
     entry, bare = last.trajectory.entry, last.trajectory.entered(None)
-    own_time = float(entry.own_times(time)) if entry else time
+    own_time = float(entry.motion_times(time)) if entry else time
     rests = _rests(last.trajectory.poses(time))
     start = 0.0
     if last.name == trajectory.parameters.shape and bare.span and not rests:
@@ -169,10 +171,10 @@ def led_into(course: Course, index: int, motions: MotionConfiguration) -> Course
         return Poses(*(a + b for a, b in zip(poses, rest, strict=True)))
 
     entered = trajectory.entered(Entry(faded, duration, start, delay))
-    return _checked(course, Part(index, trajectory.parameters.shape, entered))
+    return _checked(sequence, Part(index, trajectory.parameters.shape, entered))
 
 
-def through(course: Course, index: int, points: Points) -> Course:
+def through(sequence: MotionSequence, index: int, points: Points) -> MotionSequence:
     """A course until a sample, then a motion through points, at last at rest.
 
     It is the motion of least mean square jerk through the points, or a quintic polynomial
@@ -183,14 +185,14 @@ def through(course: Course, index: int, points: Points) -> Course:
         InputError: the points are too uneven for that.
         MotionError: the robot cannot perform it.
     """
-    before = course.until(index)
+    before = sequence.until(index)
     spline = _spline(before.sample(index), points)
-    return _checked(course, Part(index, POINTS, before.parts[-1].trajectory.along(spline)))
+    return _checked(sequence, Part(index, POINTS, before.parts[-1].trajectory.along(spline)))
 
 
-def _checked(course: Course, part: Part) -> Course:
-    check(part.trajectory, course.period)
-    return course.then(part)
+def _checked(sequence: MotionSequence, part: Part) -> MotionSequence:
+    check(part.trajectory, sequence.period)
+    return sequence.then(part)
 
 
 def _rests(state: Poses) -> bool:

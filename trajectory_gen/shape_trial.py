@@ -16,11 +16,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import InputError, first_line
-from parallel_robot_model.compiler import INTERPRETED, FirstClass, reason
+from parallel_robot_model.compiler import INTERPRETED, FunctionValue, reason
 from parallel_robot_model.configuration import fields
 from parallel_robot_model.processes import child_process, custom_module
-from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
-from parallel_robot_model.processes.custom_module import RAISED, blaming, import_file
+from parallel_robot_model.processes.child_process import CALL_LIMIT, trial_step
+from parallel_robot_model.processes.custom_module import RAISED, import_file, wrap_user_errors
 from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen.shapes import prepared
 
@@ -47,7 +47,7 @@ def check(name: str, shape: Any, parameters: Any) -> None:
     custom_module.verdict_of(name, shape, 'moved', __name__, task)
     made, span = prepared(name, shape, parameters)
     try:
-        compiled = FirstClass(motion, made, 0.0)
+        compiled = FunctionValue(motion, made, 0.0)
     except Exception as error:  # Numba raises many kinds
         cause = reason(error, motion.py_func)
         raise InputError(f'{name}: motion does not compile: {cause}') from error
@@ -55,7 +55,7 @@ def check(name: str, shape: Any, parameters: Any) -> None:
         raise InputError(
             f'{name}: motion must return PoseMotion(pose, rate, acceleration), three float arrays'
         )
-    with blaming(f'{name}: motion'):
+    with wrap_user_errors(f'{name}: motion'):
         _compare(name, motion, made, span or 1.0)
 
 
@@ -148,12 +148,12 @@ def _trial(task: dict[str, Any]) -> dict[str, str]:
     values = dict(zip(names, task['parameters'], strict=True))
     parameters = fields.build(shape.Parameters, values)
     try:
-        with trial_step('its Python', TRIAL_LIMIT):
+        with trial_step('its Python', CALL_LIMIT):
             made, span = prepared('it', shape, parameters)
         with trial_step('the compilation of motion'):
             shape.motion(made, 0.0)
         for t in np.linspace(0.0, 2.0 * (span or 1.0), TRIED):
-            with trial_step('motion', TRIAL_LIMIT):
+            with trial_step('motion', CALL_LIMIT):
                 shape.motion(made, float(t))
     except RAISED as error:
         # What does not compile, or whose parameters are refused, is told where it is done again.

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.processes import custom_module
-from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
+from parallel_robot_model.processes.child_process import CALL_LIMIT, trial_step
 from parallel_robot_model.robots.contract import PoseMotion
 from trajectory_gen import (
     circle,
@@ -68,12 +68,12 @@ def shapes(paths: Sequence[str]) -> dict[str, Shape]:
 def custom_trajectories(paths: Sequence[str]) -> dict[str, Any]:
     """Custom trajectories by name, see :func:`shapes`."""
     key = 'custom_trajectories'
-    return dict(custom_module.load(path, key, NEEDED, ('Parameters',), rehearse) for path in paths)
+    return dict(custom_module.load(path, key, NEEDED, ('Parameters',), dry_run) for path in paths)
 
 
-def rehearse(shape: ModuleType) -> None:
-    """Call what a shape has in Python; what it raises is told where it is called again."""
-    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', TRIAL_LIMIT):
+def dry_run(shape: ModuleType) -> None:
+    """Call what a shape has in Python; what it raises is reported where it is called again."""
+    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', CALL_LIMIT):
         prepared('it', shape, shape.Parameters())
 
 
@@ -88,7 +88,7 @@ def prepared(name: str, shape: Any, parameters: Any) -> tuple[Any, float]:
     Raises:
         InputError: the shape refuses its parameters, fails, or its span is no time.
     """
-    with custom_module.blaming(name):
+    with custom_module.wrap_user_errors(name):
         parameters = getattr(shape, 'validate', lambda parameters: parameters)(parameters)
         made = getattr(shape, 'prepare', lambda parameters: parameters)(parameters)
         span = float(shape.span(made))

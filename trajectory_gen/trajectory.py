@@ -11,7 +11,14 @@ from numpy.typing import NDArray
 
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import FirstClass, inlined, kernel, read_row, vector, write_row
+from parallel_robot_model.compiler import (
+    FunctionValue,
+    inline_ir,
+    kernel,
+    read_row,
+    vector,
+    write_row,
+)
 from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.robots.contract import REACHED, PoseMotion
 from parallel_robot_model.robots.registry import RobotModel
@@ -37,32 +44,32 @@ class Entry(NamedTuple):
     start: float  # time of the motion itself at the entry [s]
     delay: float  # how long it waits there [s]
 
-    def own_times(self, times: Any) -> Any:
+    def motion_times(self, times: Any) -> Any:
         """Times of the motion itself at times since the entry [s]."""
         return self.start + np.maximum(times - self.delay, 0.0)
 
 
-def blend(entry: Entry, times: Array, own: Poses) -> Poses:
+def blend(entry: Entry, times: Array, motion: Poses) -> Poses:
     """Poses w before + (1 - w) own, where w falls from 1 to 0: a quintic polynomial.
 
     Args:
         entry: The entry.
         times: Times since then [s], shape (N,).
-        own: Poses of the motion itself.
+        motion: Poses of the motion itself.
     """
     early = times < entry.duration
     if not early.any():
-        return own
+        return motion
     times = times[early]
     weight, slope, bend = fading((1.0, 0.0, 0.0), entry.duration, times)
-    (x, v, a), before = (part[early] for part in own), entry.before(times)
+    (x, v, a), before = (part[early] for part in motion), entry.before(times)
     dx, dv, da = before.pose - x, before.rate - v, before.acceleration - a
     blended = (
         x + weight * dx,
         v + weight * dv + slope * dx,
         a + weight * da + 2.0 * slope * dv + bend * dx,
     )
-    made = Poses(*(part.copy() for part in own))
+    made = Poses(*(part.copy() for part in motion))
     for part, rows in zip(made, blended, strict=True):
         part[early] = rows
     return made
@@ -173,7 +180,7 @@ class Trajectory:
             self.shape = joint_path.in_pose(robot, self.shape, near)
         # what was left out of its file of points, if anything
         self.note: str = getattr(given, 'thinned', '')
-        self._motion = FirstClass(shape.motion, self.shape, 0.0)
+        self._motion = FunctionValue(shape.motion, self.shape, 0.0)
         self._size = self.robot.pose_size
         # number of coordinates that the shape has; a robot in a plane may not have phi
         self.size = size = len(shape.motion(self.shape, 0.0).pose)
@@ -223,7 +230,7 @@ class Trajectory:
         made.shape, made._length = spline, waypoints.span(spline)
         made.size = spline.coefficients.shape[2]
         made.parameters = self.parameters._replace(shape='waypoints', speed_factor=1.0)
-        made._motion = FirstClass(waypoints.motion, spline, 0.0)
+        made._motion = FunctionValue(waypoints.motion, spline, 0.0)
         made.entry = None
         return made
 
@@ -251,7 +258,7 @@ class Trajectory:
     def poses(self, times: Any) -> Poses:
         """Poses at times since the start [s], a number or shape (N,)."""
         grid = np.atleast_1d(np.asarray(times, dtype=np.float64))
-        own = grid if self.entry is None else self.entry.own_times(grid)
+        own = grid if self.entry is None else self.entry.motion_times(grid)
         speed = self.parameters.speed_factor
         poses = Poses(*_poses(self._motion, self.shape, self._pose, own, speed))
         return poses if self.entry is None else blend(self.entry, grid, poses)
@@ -259,29 +266,29 @@ class Trajectory:
 
 def joints_at(robot: RobotModel, poses: Array) -> Reference:
     """The joints of a robot at rest at poses, shape (N, m)."""
-    like = vector(np.zeros(robot.pose_size))
-    joints = robot.kernel('joint_motion', PoseMotion(like, like, like))
+    template = vector(np.zeros(robot.pose_size))
+    joints = robot.kernel('joint_motion', PoseMotion(template, template, template))
     still = np.zeros_like(poses)
-    found, _ = _reference(joints, robot.constants, like, poses, still, still, True)
+    found, _ = _reference(joints, robot.constants, template, poses, still, still, True)
     return found
 
 
 @kernel
 def _poses(
-    motion: Any, shape: Any, like: Array, times: Array, speed: float
+    motion: Any, shape: Any, template: Array, times: Array, speed: float
 ) -> tuple[Array, Array, Array]:
-    """Poses at every time, as many coordinates as `like`; `speed` is that of the shape's time.
+    """Poses at every time, as many coordinates as `template`; `speed` is that of the shape's time.
 
     A robot in a plane may not have phi.
     """
-    pose = np.empty((len(times), len(like)))
-    rate = np.empty((len(times), len(like)))
-    acceleration = np.empty((len(times), len(like)))
+    pose = np.empty((len(times), len(template)))
+    rate = np.empty((len(times), len(template)))
+    acceleration = np.empty((len(times), len(template)))
     for k in range(len(times)):
         full = motion(shape, speed * times[k])
-        write_row(pose, k, read_row(full.pose, 0, like))
-        write_row(rate, k, speed * read_row(full.rate, 0, like))
-        write_row(acceleration, k, speed**2 * read_row(full.acceleration, 0, like))
+        write_row(pose, k, read_row(full.pose, 0, template))
+        write_row(rate, k, speed * read_row(full.rate, 0, template))
+        write_row(acceleration, k, speed**2 * read_row(full.acceleration, 0, template))
     return pose, rate, acceleration
 
 
@@ -289,14 +296,14 @@ def _poses(
 def _reference(
     joint_motion: Any,
     robot: Any,
-    like: Array,
+    template: Array,
     pose: Array,
     pose_rate: Array,
     pose_acceleration: Array,
     beyond: bool,
 ) -> tuple[Reference, int]:
-    """The joints at every pose, and how many were looked at; `like` is any pose."""
-    joints = joint_motion(robot, _row(like, pose, pose_rate, pose_acceleration, 0))
+    """The joints at every pose, and how many were looked at; `template` is any pose."""
+    joints = joint_motion(robot, _row(template, pose, pose_rate, pose_acceleration, 0))
     count, n, p = len(pose), len(joints.position), len(joints.passive)
     position = np.empty((count, n))
     velocity = np.empty((count, n))
@@ -304,7 +311,7 @@ def _reference(
     passive = np.empty((count, p))
     out_of_reach = np.empty(count, dtype=np.int64)
     for k in range(count):
-        joints = joint_motion(robot, _row(like, pose, pose_rate, pose_acceleration, k))
+        joints = joint_motion(robot, _row(template, pose, pose_rate, pose_acceleration, k))
         write_row(position, k, joints.position)
         write_row(velocity, k, joints.velocity)
         write_row(acceleration, k, joints.acceleration)
@@ -326,16 +333,18 @@ def _reference(
     return reference, count
 
 
-@inlined
-def _row(like: Array, pose: Array, rate: Array, acceleration: Array, k: int) -> PoseMotion:
+@inline_ir
+def _row(template: Array, pose: Array, rate: Array, acceleration: Array, k: int) -> PoseMotion:
     return PoseMotion(
-        read_row(pose, k, like), read_row(rate, k, like), read_row(acceleration, k, like)
+        read_row(pose, k, template),
+        read_row(rate, k, template),
+        read_row(acceleration, k, template),
     )
 
 
 # Motions one after another, as they are performed.
 
-KEPT = 100  # motions; of older ones the first is sampled instead
+MAX_PARTS = 100  # motions; of older ones the first is sampled instead
 
 
 class Part(NamedTuple):
@@ -346,7 +355,7 @@ class Part(NamedTuple):
     trajectory: Trajectory  # the motion, whose time counts from there
 
 
-class Course:
+class MotionSequence:
     """Which motion the samples belong to. It does not change; `then` makes another one."""
 
     def __init__(self, trajectory: Trajectory, period: float) -> None:
@@ -371,17 +380,17 @@ class Course:
             else Reference(*map(np.concatenate, zip(*parts, strict=True)))
         )
 
-    def until(self, index: int) -> Course:
+    def until(self, index: int) -> MotionSequence:
         """The motions that begin before a sample."""
         return self._with(tuple(part for part in self.parts[1:] if part.begin < index))
 
-    def then(self, part: Part) -> Course:
+    def then(self, part: Part) -> MotionSequence:
         """This course until a motion begins, and that motion."""
         return self._with((*self.until(part.begin).parts[1:], part))
 
-    def _with(self, later: tuple[Part, ...]) -> Course:
+    def _with(self, later: tuple[Part, ...]) -> MotionSequence:
         """A course with the same first motion, and others after it."""
         first = self.parts[0]
-        made = Course(first.trajectory, self.period)
-        made.parts = (first, *later[-KEPT:])
+        made = MotionSequence(first.trajectory, self.period)
+        made.parts = (first, *later[-MAX_PARTS:])
         return made

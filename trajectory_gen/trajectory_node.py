@@ -28,7 +28,7 @@ from parallel_robot_model.common.errors import (
     ParallelRobotError,
 )
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, known
+from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, given_zero_angles
 from parallel_robot_model.configuration.loop import OLDEST, WAIT
 from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages import layouts, topics
@@ -42,13 +42,13 @@ from parallel_robot_model.robots.poses import poses_of
 from trajectory_gen import messages, preflight
 from trajectory_gen.configuration import changed, declared, motions_of, resolve, settings
 from trajectory_gen.messages import pose_messages, reference_messages
-from trajectory_gen.preflight import motion_doubts
-from trajectory_gen.trajectory import Course, Reference, Trajectory
+from trajectory_gen.preflight import motion_warnings
+from trajectory_gen.trajectory import MotionSequence, Reference, Trajectory
 
 # The pose in which the robot is, from its joint states.
 
 
-class PresentPose:
+class PoseFinder:
     """Finds the pose of a robot from a joint state."""
 
     def __init__(self, near: Trajectory, joints: tuple[str, ...], zero_angle: Array) -> None:
@@ -110,7 +110,7 @@ class TrajectoryNode(SuiteNode):
         """Check the whole motion, then start to publish."""
         super().__init__('trajectory', resolve)
         self._motions = motions_of(self.values)
-        self._present = self._present_pose()
+        self._pose_finder = self._make_pose_finder()
         trajectory, robot = self._motions.trajectory, self._motions.robot.module
         self._settable = frozenset(key for key, _ in settings(self._motions))
         shapes = self._motions.shapes
@@ -123,18 +123,18 @@ class TrajectoryNode(SuiteNode):
             motions=shapes,
         )
         if self.loop.start_stamp != WAIT:  # else who starts it says so
-            for doubt in motion_doubts(trajectory):
+            for doubt in motion_warnings(trajectory):
                 self.get_logger().warning(doubt)
-        if self._present is None:
+        if self._pose_finder is None:
             preflight.check(trajectory, self.loop.period)
         self._motions.load_kernels()
         self._start = max(0, self.loop.start_stamp)  # ns; 0 while it is not known
-        self._course = Course(trajectory, self.loop.period)
-        self._asked_motion: bytes | None = None  # a message that waits to be looked at
-        self._turn = threading.Lock()  # held while samples are published, or change
-        self._batch: tuple[int, Course, np.ndarray, np.ndarray | None] | None = None
+        self._sequence = MotionSequence(trajectory, self.loop.period)
+        self._requested_motion: bytes | None = None  # a message that waits to be looked at
+        self._lock = threading.Lock()  # held while samples are published, or change
+        self._batch: tuple[int, MotionSequence, np.ndarray, np.ndarray | None] | None = None
         self._start_requested = False
-        self._asked = 0  # ns, stamp of the last state (lockstep)
+        self._state_stamp = 0  # ns, stamp of the last state (lockstep)
         self._late = 0  # ns, age of the states, as the first one tells it (lockstep)
         self._sent = -1  # index of the last sample of the motion that was published
         self._published = 0  # number of references
@@ -148,10 +148,10 @@ class TrajectoryNode(SuiteNode):
         if self.loop.start_stamp == 0:
             self.subscribe(topics.COMMANDS, self._on_command)
         self._rest = _at_rest(trajectory)
-        if self._present is not None:
+        if self._pose_finder is not None:
             self.subscribe(topics.JOINT_STATES, self._on_joints, complete=False)
         ahead = round(trajectory.parameters.lookahead * NANOSECONDS)
-        self.keep_time(self._tick, ahead)
+        self.start_timer(self._tick, ahead)
 
     def is_settable(self, key: str) -> bool:
         """Whether a parameter can change while the node runs: the motion, and all shapes."""
@@ -166,16 +166,16 @@ class TrajectoryNode(SuiteNode):
             return super().prepare_change(changes)
         made = changed(self._motions, {**self.values, **changes})
         trajectory, text = made.trajectory, ''
-        shape, performed = trajectory.parameters.shape, self._course.parts[-1].name
+        shape, performed = trajectory.parameters.shape, self._sequence.parts[-1].name
         if made.asked != self._motions.asked or (SHAPE in changes and shape != performed):
-            stamp = self._follow(partial(preflight.led_into, motions=made))
+            stamp = self._schedule(partial(preflight.transition_to, motions=made))
             text = f'{shape} from stamp {stamp} on, in {trajectory.parameters.transition:g} s'
         stored = {key: value for key, value in settings(made) if key in changes}
 
         def apply() -> None:
             self._motions, self.values = made, {**self.values, **stored}
             if text:
-                self._tell(text)
+                self._announce(text)
 
         return stored, apply
 
@@ -185,7 +185,7 @@ class TrajectoryNode(SuiteNode):
 
     def alarm(self) -> str:
         """Why there is no reference yet; empty when there is one."""
-        return f'{WAITS}: {self._present.problem}' if self._present else ''
+        return f'{WAITS}: {self._pose_finder.problem}' if self._pose_finder else ''
 
     def set_start(self, stamp: int) -> None:
         """Start the motion with its first sample at `stamp` [ns]."""
@@ -211,7 +211,7 @@ class TrajectoryNode(SuiteNode):
             self._reference.publish(rest.tobytes())
             self._published += 1
 
-    def _present_pose(self) -> PresentPose | None:
+    def _make_pose_finder(self) -> PoseFinder | None:
         """What finds the pose in which the robot is; None where it is known, or not needed."""
         own, robot = self._motions.motion, self._motions.robot
         held = own.shape == 'hold' and not self._motions.given('hold').pose
@@ -220,27 +220,32 @@ class TrajectoryNode(SuiteNode):
         guess = self.values[GUESS]
         if guess:
             self._motions = self._motions.with_parts(here=robot.pose_of(GUESS, guess))
-        return PresentPose(self._motions.trajectory, self.loop.joints, known(self.values))
+        return PoseFinder(
+            self._motions.trajectory, self.loop.joints, given_zero_angles(self.values)
+        )
 
     def _on_joints(self, data: bytes) -> None:
         """Hold the pose of the first joint state that tells one."""
-        present = self._present
-        pose = present.read(data) if present else None
-        if present is None or pose is None:
+        finder = self._pose_finder
+        pose = finder.read(data) if finder else None
+        if finder is None or pose is None:
             return
         trajectory = self._motions.with_parts(here=pose).trajectory
         try:
             preflight.check(trajectory, self.loop.period)
         except MotionError as error:
-            present.problem = str(error)
+            finder.problem = str(error)
             return
         axes = self._motions.robot.module.coordinates(self._motions.robot.parameters)
         numbers = zip(axes, pose, strict=True)
         text = ', '.join(f'{axis.name} = {number:.6g} {axis.unit}' for axis, number in numbers)
         self.get_logger().info(f'holds the pose in which the robot is: {text}')
         self._motions = self._motions.with_parts(here=pose)
-        self._course, self._rest = Course(trajectory, self.loop.period), _at_rest(trajectory)
-        self._present = None  # at last: samples are published from here on
+        self._sequence, self._rest = (
+            MotionSequence(trajectory, self.loop.period),
+            _at_rest(trajectory),
+        )
+        self._pose_finder = None  # at last: samples are published from here on
 
     def _on_command(self, _: bytes) -> None:
         self._start_requested = True
@@ -257,16 +262,18 @@ class TrajectoryNode(SuiteNode):
         if stamp is None or (self.loop.start_stamp == WAIT and not self._start):
             return
         start = self._start or self.loop.step_start
-        if not self._asked or stamp <= self._asked:
+        if not self._state_stamp or stamp <= self._state_stamp:
             self._late = start - stamp if 0 < start - stamp <= OLDEST else 0
         k = (stamp + self._late - start) // self.period_ns
         if k < 0 or (self.last_index is not None and k > self.last_index):
             self.counts['joint states that are not of this motion'] += 1
             return
-        again = stamp <= self._asked and not (self.loop.hazards and k)  # stamps may be ahead
-        if not self._start or again:
+        repeats = stamp <= self._state_stamp and not (
+            self.loop.hazards and k
+        )  # stamps may be ahead
+        if not self._start or repeats:
             self._sent = k - 1  # a new run, or the plant repeats a state: references are missing
-        self._start, self._asked = start, stamp
+        self._start, self._state_stamp = start, stamp
         if self._sent < k + BATCH // 2:
             first = self._sent + 1 if self.loop.hazards else max(self._sent + 1, k)
             for index in range(first, k + BATCH + 1):  # states may have been lost
@@ -274,29 +281,31 @@ class TrajectoryNode(SuiteNode):
 
     def _on_motion(self, data: bytes) -> None:
         """Take a message with a new motion; of several that wait, the newest counts."""
-        waits, self._asked_motion = self._asked_motion is not None, data
+        waits, self._requested_motion = self._requested_motion is not None, data
         if not waits:
             self.background.do(self._change_motion)
 
     def _change_motion(self) -> None:
         """Go on with the motion of the message that waits, or say why not."""
-        data, self._asked_motion = self._asked_motion, None
+        data, self._requested_motion = self._requested_motion, None
         try:
-            self._begin_motion(data or b'')
+            self._start_motion(data or b'')
         except ParallelRobotError as error:
             self.counts['new motions refused'] += 1
             text = f'new motion refused: {error}'
             self.get_logger().warning(text, throttle_duration_sec=0.1)
 
-    def _begin_motion(self, data: bytes) -> None:
+    def _start_motion(self, data: bytes) -> None:
         """Let the motion of a message follow the samples that have been sent."""
         robot = self._motions.robot
         names = [axis.name for axis in robot.module.coordinates(robot.parameters)]
         points = messages.read(data, names)
-        stamp = self._follow(partial(preflight.through, points=points))
-        self._tell(f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s')
+        stamp = self._schedule(partial(preflight.through, points=points))
+        self._announce(
+            f'{len(points.times)} points from stamp {stamp} on, in {points.times[-1]:g} s'
+        )
 
-    def _follow(self, plan: Callable[[Course, int], Course]) -> int:
+    def _schedule(self, plan: Callable[[MotionSequence, int], MotionSequence]) -> int:
         """Let a new motion follow the samples that have been sent.
 
         Returns:
@@ -307,22 +316,22 @@ class TrajectoryNode(SuiteNode):
             begin = self._sent + math.ceil(soon / self.loop.period)
             if self._sent < 0 or (self.last_index is not None and begin >= self.last_index):
                 raise InputError('the motion has not begun, or has come to its end')
-            course = plan(self._course, begin)
-            with self._turn:
+            sequence = plan(self._sequence, begin)
+            with self._lock:
                 if self._sent <= begin:
-                    self._course = course
+                    self._sequence = sequence
                     return self._start + begin * self.period_ns
             soon *= 2.0
         raise InputError(f'its check takes longer than {LATEST:g} s')
 
-    def _tell(self, text: str) -> None:
-        """Tell the new motion, for people and for bags."""
+    def _announce(self, text: str) -> None:
+        """Announce the new motion, for people and for bags."""
         self.get_logger().info(f'new motion: {text}')
         parameters.declare_text(self, MOTION, text, 'motion that was asked for while it ran')
 
     def _publish(self, k: int) -> None:
         """Publish sample `k` of the motion; nothing after its end."""
-        with self._turn:
+        with self._lock:
             self._publish_next(k)
 
     def _publish_next(self, k: int) -> None:
@@ -330,14 +339,14 @@ class TrajectoryNode(SuiteNode):
         if k <= self._sent or (last is not None and k > last):
             return
         first = k // BATCH * BATCH
-        if self._batch is None or self._batch[:2] != (first, self._course):
+        if self._batch is None or self._batch[:2] != (first, self._sequence):
             indices = np.arange(first, first + BATCH)
             stamps = self._start + indices * self.period_ns
-            samples = self._course.sample(indices)
+            samples = self._sequence.sample(indices)
             references = reference_messages(self.loop.joints, stamps, samples)
             robot = self._motions.robot
             poses = pose_messages(robot, stamps, samples.pose) if robot.place else None
-            self._batch = (first, self._course, references, poses)
+            self._batch = (first, self._sequence, references, poses)
         _, _, references, poses = self._batch
         self._reference.publish(references[k - first].tobytes())
         self._published += 1

@@ -24,7 +24,7 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.messages.topics import FRAME, FRAMES, MARKERS, ROBOT_DESCRIPTION
 from parallel_robot_model.robots.link import frames as link_frames
-from parallel_robot_sim.motions import Left, differs
+from parallel_robot_sim.motions import LastPoses, differs
 
 REFERENCE = 'reference'
 PATHS = {REFERENCE: (0.6, 0.6, 0.6), 'end effector': (0.16, 0.32, 0.75)}
@@ -176,7 +176,7 @@ class Frames:
             points = np.zeros((*tracks.shape[:2], 3))
             points[..., ['xyz'.index(axis) for axis in poses.axes[: poses.place]]] = tracks
             found.append([*points])
-            left = Left(poses.actual[-1], poses.reference[-1], done + len(poses.actual))
+            left = LastPoses(poses.actual[-1], poses.reference[-1], done + len(poses.actual))
             if cut:
                 break
         return [np.concatenate(parts) for parts in zip(*found, strict=True)]

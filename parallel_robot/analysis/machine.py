@@ -14,7 +14,7 @@ from parallel_robot.analysis.report.looks import VIEWS
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms import closing, dynamics, margins, tool
+from parallel_robot_model.mechanisms import closure_solver, dynamics, margins, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.skeleton import drawn
@@ -70,7 +70,7 @@ class Facts(NamedTuple):
             'coordinates': [axis.name for axis in self.axes],
             'coordinate_units': [axis.unit for axis in self.axes],
             'home_moved': machine.home_moved,
-            'doubts': [*machine.doubts, *machine.remarks],
+            'doubts': [*machine.warnings, *machine.remarks],
             'state': state.position.tolist(),
             'rate': state.velocity.tolist(),
             'M': state.M.tolist(),
@@ -130,11 +130,11 @@ def facts_of(
         if len(numbers) not in (0, n):
             names = ', '.join(machine.actuated)
             raise InputError(f'--{key} must be {n} numbers, one for each of {names}')
-    closing.close(mechanism, work, work.q.copy())
+    closure_solver.close(mechanism, work, work.q.copy())
     home = margins.margins(mechanism, work)
     q = np.array(position, np.float64) if len(position) else work.q.copy()
     rate = np.array(velocity, np.float64) if len(velocity) else np.zeros(n)
-    fault = closing.close(mechanism, work, q)
+    fault = closure_solver.close(mechanism, work, q)
     if fault != FOUND:
         raise InputError(f'--state {q.tolist()}: {FAULTS[fault].text}')
     M, Q, gravity, pose = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
@@ -176,7 +176,10 @@ def readable(facts: Facts) -> list[Part]:
     ]
     if machine.held:
         parts.append(f'held at home: {", ".join(map(printable, machine.held))}')
-    return [*parts, *(f'note: {printable(each)}' for each in (*machine.doubts, *machine.remarks))]
+    return [
+        *parts,
+        *(f'note: {printable(each)}' for each in (*machine.warnings, *machine.remarks)),
+    ]
 
 
 HEAD = (

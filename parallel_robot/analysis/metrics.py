@@ -15,7 +15,7 @@ from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.robots.contract import angles_between
 from parallel_robot_model.robots.registry import is_known, robot_of
-from parallel_robot_sim.motions import Left, Motion, Motions, poses_of
+from parallel_robot_sim.motions import LastPoses, Motion, Motions, poses_of
 from parallel_robot_sim.motions import Poses as Poses
 
 TRUE: Literal['true'] = 'true'
@@ -126,7 +126,7 @@ def of_seen(value: Value) -> Value:
     return seen
 
 
-def poses(log: RunLog, true: bool = False, left: Left | None = None) -> Poses:
+def poses(log: RunLog, true: bool = False, left: LastPoses | None = None) -> Poses:
     """Poses of the measured and of the desired joints; the latter by the nominal robot.
 
     Those of a robot that is not known here are NaN, as many numbers as it has joints.
@@ -149,7 +149,7 @@ def poses(log: RunLog, true: bool = False, left: Left | None = None) -> Poses:
 
 
 def with_poses(
-    log: RunLog, true: bool = False, left: Left | None = None
+    log: RunLog, true: bool = False, left: LastPoses | None = None
 ) -> tuple[RunLog, Poses, str]:
     """The run up to the first sample that has no pose, without states that have no reference.
 
@@ -310,7 +310,7 @@ def rotation_errors(pose: Poses) -> np.ndarray:
     if pose.place == len('xy') and pose.actual.shape[1] > pose.place:
         apart = pose.actual[:, pose.place] - pose.reference[:, pose.place]
         return np.abs(np.remainder(apart + math.pi, 2.0 * math.pi) - math.pi)
-    return angles_between(pose.actual, pose.reference, pose.turns)
+    return angles_between(pose.actual, pose.reference, pose.rotation_components)
 
 
 def errors(distance: np.ndarray, error: np.ndarray, rotation: np.ndarray | None = None) -> Errors:

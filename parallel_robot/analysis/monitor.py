@@ -15,7 +15,7 @@ from parallel_robot.bags.run.matching import reference_at
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import KinematicsError
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.fields import Field, known
+from parallel_robot_model.configuration.fields import Field, given_zero_angles
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.mechanisms.joint_kinds import FIXED
 from parallel_robot_model.messages.topics import DEPTH, MARKERS_EVERY
@@ -243,4 +243,4 @@ def posture_of(values: Mapping[str, Any]) -> Posture:
     Raises:
         InputError: a parameter is wrong, or the robot says nothing of its links.
     """
-    return Posture(*nominal_of(values), loop_of(values), known(values))
+    return Posture(*nominal_of(values), loop_of(values), given_zero_angles(values))

@@ -10,7 +10,12 @@ from std_msgs.msg import Float64
 
 from parallel_robot.analysis.monitor import Monitor, MonitorParameters, Posture
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.configuration.fields import ESTIMATOR, ZeroAngles, group, known
+from parallel_robot_model.configuration.fields import (
+    ESTIMATOR,
+    ZeroAngles,
+    given_zero_angles,
+    group,
+)
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import JointReader
@@ -44,7 +49,7 @@ class MonitorNode(SuiteNode):
             (ESTIMATOR, ZeroAngles),
             units=robot.joint_units,
         )
-        self._zero_angle = known(self.values)
+        self._zero_angle = given_zero_angles(self.values)
         parameters = group(self.values, MonitorParameters, 'monitor')
         self._monitor = Monitor(robot, guess, parameters)
         joints = self.loop.joints

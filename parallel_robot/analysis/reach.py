@@ -195,7 +195,7 @@ class Region(NamedTuple):
     @property
     def inside(self) -> NDArray[np.bool_]:
         """Which poses are reached with all joints in their travel, shape (rows, columns)."""
-        return self.reach.left >= 0.0
+        return self.reach.travel_left >= 0.0
 
     @property
     def area(self) -> float:
@@ -277,7 +277,7 @@ def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Regi
     first, second = (here[k] + step[k] * np.arange(-low[k], high[k] + 1) for k in range(2))
     poses = plane.poses(np.stack(np.meshgrid(first, second), axis=-1))
     reach = _traced(robot, poses, (int(low[1]), int(low[0])))
-    inside = reach.left >= 0.0
+    inside = reach.travel_left >= 0.0
     if not inside[low[1], low[0]]:
         raise _beyond(robot, plane.pose)
     sides = (inside[:, [0, -1]], inside[[0, -1]])

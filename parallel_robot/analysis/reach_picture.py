@@ -205,7 +205,7 @@ def _draw_boundary(axes: Any, x: Array, y: Array, region: Region) -> None:
     """
     from scipy.ndimage import gaussian_filter  # it takes long to load
 
-    left = region.reach.left
+    left = region.reach.travel_left
     step = 1.0
     if np.isfinite(left).any():
         step = np.nanmedian(np.abs(np.diff(np.where(np.isinf(left), np.nan, left))))

@@ -20,22 +20,22 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.messages.topics import COMMANDS, REFERENCE
 from parallel_robot_model.robots.registry import robot_of
-from parallel_robot_sim import plant_again
+from parallel_robot_sim import plant_replay
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
 from parallel_robot_sim.imperfections import reported_age
 from parallel_robot_sim.motions import (
-    Left,
-    Located,
+    LastPoses,
     Motion,
     Motions,
     Poses,
+    PoseTracker,
     poses_of,
     sensor_remarks,
     untrue,
 )
 from parallel_robot_sim.plant import MUJOCO
-from parallel_robot_sim.plant_again import UnderCommands
+from parallel_robot_sim.plant_replay import UnderCommands
 from parallel_robot_sim.simulation import saturation
 from trajectory_gen.configuration import trajectory_of
 
@@ -66,7 +66,7 @@ class PlantWindows:
             self._plant = UnderCommands(configuration)
             self._trajectory = trajectory_of(values)
             nominal, guess = nominal_of(values)
-            self._located = Located(nominal, robot_of(values, 'true_robot'), guess)
+            self._located = PoseTracker(nominal, robot_of(values, 'true_robot'), guess)
         except ParallelRobotError as error:
             raise self._whole(str(error)) from None
         loop = configuration.loop
@@ -207,7 +207,7 @@ class InParts:
         true = found.motions.true
         self._left = _Left(
             *(
-                Left(poses.actual[-1], poses.reference[-1], count)
+                LastPoses(poses.actual[-1], poses.reference[-1], count)
                 for poses in (found.poses, found.poses if true is None else true.poses)
             )
         )
@@ -222,8 +222,8 @@ def moves_again(values: Mapping[str, Any], past: History) -> bool:
 class _Left(NamedTuple):
     """Where the poses were left of what was seen and of the true motion."""
 
-    seen: Left | None
-    true: Left | None
+    seen: LastPoses | None
+    true: LastPoses | None
 
 
 NOTHING = _Left(None, None)
@@ -322,9 +322,9 @@ def _again(log: RunLog, past: History) -> Motion | None:
         count = references.count + references.missing
     reference = trajectory_of(log.config).sample(np.arange(count) * loop.period)
     if simulated or loop.lockstep:
-        again = plant_again.under_commands(configuration, log.command, reference)
+        again = plant_replay.under_commands(configuration, log.command, reference)
     elif len(log.stamps) == count and not age:
-        again = plant_again.under_torques(configuration, log.effort, reference)
+        again = plant_replay.under_torques(configuration, log.effort, reference)
     else:
         again = None
     if again is None or not _told(log, again, measured):
@@ -337,15 +337,15 @@ def _again(log: RunLog, past: History) -> Motion | None:
     return Motion(time, again.joints, wanted, again.effort, poses)
 
 
-def _told(log: RunLog, again: plant_again.Again, measured: NDArray[np.int64]) -> bool:
+def _told(log: RunLog, again: plant_replay.Replay, measured: NDArray[np.int64]) -> bool:
     """Whether a plant told what a bag says, but for few states; `measured`: their samples."""
-    rows = np.flatnonzero(again.heard.told[: len(again.told)])
+    rows = np.flatnonzero(again.heard.told[: len(again.measured)])
     samples = rows - again.heard.late[rows]
     kept = np.isin(samples, measured)  # states that are not valid are not read
     rows, samples = rows[kept], samples[kept]
     if (np.diff(measured) >= 0).all():  # they were put in order
         rows = rows[np.argsort(samples, kind='stable')]
-    told = again.told[rows]
+    told = again.measured[rows]
     if len(told) != len(log.position):
         return False
     return bool(np.mean(np.abs(told - log.position).max(axis=1) > SAME) <= FEW)

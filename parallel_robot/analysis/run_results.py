@@ -24,7 +24,7 @@ from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.ideal_torque import IdealTorque
-from parallel_robot_sim.motions import SimulatedMotions, Told
+from parallel_robot_sim.motions import MeasuredMotion, SimulatedMotions
 from parallel_robot_sim.simulation import Simulation
 from trajectory_gen.trajectory import Reference
 
@@ -182,7 +182,9 @@ class SimulatedFigures:
                 configuration = part.configuration
                 self._motions = SimulatedMotions(configuration)
                 self._ideal = IdealTorque(configuration.trajectory, configuration)
-                plan = _plan(part, None if self._motions.told is None else Told(configuration))
+                plan = _plan(
+                    part, None if self._motions.measured is None else MeasuredMotion(configuration)
+                )
                 self._figures = RunningFigures(-math.inf, math.inf, False, plan)
             stop = part.first + part.run.steps
             motions = self._motions.of(part, self._ideal.between(part.first, stop))
@@ -203,7 +205,7 @@ class SimulatedFigures:
         return found if self._seen else found._replace(seen=None)
 
 
-def _plan(part: Simulation, told: Told | None) -> Plan:
+def _plan(part: Simulation, told: MeasuredMotion | None) -> Plan:
     """Where the windows of a run are, as its desired motion says."""
     period = part.experiment.loop.period_ns
     whole = ReferenceMoves()

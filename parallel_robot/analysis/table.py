@@ -138,7 +138,7 @@ class _InParts:
             return {}, (f'no pose of the robot: {error}',)
         coordinates = robot.module.coordinates(robot.parameters)
         nothing = np.empty((0, len(coordinates)))
-        found = Poses(nothing, nothing, robot.place, robot.joint_units, robot.turns)
+        found = Poses(nothing, nothing, robot.place, robot.joint_units, robot.rotation_components)
         warnings: tuple[str, ...] = ()
         seen = None
         alone = not log.referenced.any() and self._end == -np.inf

@@ -196,7 +196,7 @@ def thinned(motion: Motion, intervals: int) -> Motion:
     if place:
         reference, actual = motion.poses.reference[:, :place], motion.poses.actual[:, :place]
         curves += [reference, reference - actual, distances(motion.poses)[:, np.newaxis]]
-    if motion.poses.turns:
+    if motion.poses.rotation_components:
         curves.append(rotation_errors(motion.poses)[:, np.newaxis])
     always = [np.array([0, len(motion.time) - 1]), np.flatnonzero(motion.time <= FIRST)]
     return motion.rows(np.unique(np.concatenate([*always, *_rows(curves, intervals)])))

@@ -18,7 +18,7 @@ from parallel_robot.bags.run.run_log import RunLog, TopicCount
 from parallel_robot_control.joint_states import MISSING, of_missing
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import internal, kernel
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages import topics
@@ -257,7 +257,7 @@ def acting_commands(
     return acting
 
 
-@inner
+@internal
 def _same(some: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     same = True
     for i in range(len(some)):

@@ -19,7 +19,7 @@ from parallel_robot_model.common.errors import BagError, InputError, printable
 from parallel_robot_model.configuration import config, plain_data
 from parallel_robot_model.configuration.config import PACKAGE
 from parallel_robot_model.configuration.config_files import scenario_stem
-from parallel_robot_model.configuration.fields import PerJoint, PerLink, parameters, words
+from parallel_robot_model.configuration.fields import PerJoint, PerLink, allowed_words, parameters
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
 from parallel_robot_model.robots.described.parameters import Parameters
 from parallel_robot_model.robots.registry import ROBOTS
@@ -189,8 +189,8 @@ def _checked(known: Mapping[str, Any], stored: Any) -> dict[str, Any]:
 def suits(known: Mapping[str, Any], key: str, value: Any) -> bool:
     """Whether a plain value has the type of the known value of its key, if there is one."""
     example, kind = known.get(key, value), _kinds().get(key)
-    if words(kind):
-        return value in words(kind) or _is_like(1.0, value)
+    if allowed_words(kind):
+        return value in allowed_words(kind) or _is_like(1.0, value)
     if kind in (PerJoint, PerLink):
         example = [1.0] if isinstance(value, list) and value else 1.0  # one is for all
     elif example == [] and kind == tuple[float, ...]:

@@ -24,7 +24,7 @@ from parallel_robot_model.messages.topics import STATUS, Topic
 
 # Statuses of the controller in a bag: law, fault and limits that acted, as stable codes.
 
-LIMIT_TEXT = {limiting.ACTED_CODE[bit]: text for bit, text in limiting.ACTED_TEXT.items()}
+LIMIT_TEXT = {limiting.LIMIT_CODE[bit]: text for bit, text in limiting.LIMIT_TEXT.items()}
 
 
 class ControllerStatus(NamedTuple):

@@ -354,7 +354,7 @@ def _write(sources: Mapping[str, bytes], directory: Path) -> list[str]:
     files = {directory / f'{name}.py': source for name, source in sources.items()}
     for file, source in files.items():
         file.write_bytes(source)
-        custom_module.hold(file, source)
+        custom_module.pin_source(file, source)
     return list(map(str, files))
 
 

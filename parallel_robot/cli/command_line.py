@@ -27,11 +27,11 @@ from parallel_robot_model.common.errors import (
     UnknownNameError,
     first_line,
     printable,
-    tell_descriptions,
+    redirect_description_warnings,
 )
 from parallel_robot_model.common.options import Parser
 from parallel_robot_model.configuration import config, config_files
-from parallel_robot_model.processes.ending_signals import Ended
+from parallel_robot_model.processes.termination_signals import Terminated
 
 # Completion of the command line in a shell, by argcomplete.
 
@@ -184,7 +184,9 @@ def main(words: Sequence[str] | None = None) -> int:
             if arguments.command in ('robot', 'top'):  # it has them all; it draws a screen
                 warnings.simplefilter('ignore', DescriptionWarning)
             elif not raw:
-                tell_descriptions(lambda line: print(f'warning: {line}', file=sys.stderr))
+                redirect_description_warnings(
+                    lambda line: print(f'warning: {line}', file=sys.stderr)
+                )
             code: int = module_of(arguments.command).execute(arguments)
         sys.stdout.flush()
     except ParallelRobotError as error:
@@ -196,7 +198,7 @@ def main(words: Sequence[str] | None = None) -> int:
     except MemoryError:
         print(f'{name}: out of memory', file=sys.stderr)
         return 1
-    except Ended as ended:
+    except Terminated as ended:
         return ended.exit_code
     except KeyboardInterrupt:
         return 130

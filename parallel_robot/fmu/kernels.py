@@ -14,7 +14,7 @@ from parallel_robot_control.safety.limiting import OVERDUE, When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     Boxed,
-    Space,
+    FloatBuffer,
     Struct,
     is_finite,
     kernel,
@@ -60,8 +60,8 @@ def law_instance(control: Control, period: float, state_timeout: float) -> Boxed
         state_timeout: Time without states that is a fault [s].
     """
     control.law.reset_memory()
-    joints = len(control.state.held)
-    values = Space(ROWS * joints + NUMBERS)
+    joints = len(control.state.fault_position)
+    values = FloatBuffer(ROWS * joints + NUMBERS)
     values.floats[ROWS * joints + FAULT] = control.state.fault
     values.floats[ROWS * joints + STATE_TIMEOUT] = state_timeout
     control.setup.memory.state.value = control.state
@@ -78,7 +78,7 @@ def begin_law(instance: LawInstance) -> int:
 def answer_state(instance: LawInstance) -> int:
     """Compute the torque for the state in the inputs; 0."""
     values, state = instance.values, instance.setup.memory.state
-    row = state.held
+    row = state.fault_position
     first = ROWS * len(row)
     desired = JointReference(
         read_at(values, REFERENCE, row),
@@ -114,7 +114,7 @@ def answer_state(instance: LawInstance) -> int:
     write_at(values, first + WAITS, select(overdue, 1.0, 0.0))
     write_at(values, first + FAULT, float(state.fault))
     write_at(values, first + CAUSE, float(cycle.cause))
-    write_at(values, first + ACTED, float(cycle.acted))
+    write_at(values, first + ACTED, float(cycle.active_limits))
     return 0
 
 
@@ -144,7 +144,7 @@ def plant_instance(plant: Plant, period: float, pose_size: int) -> Boxed:
         pose_size: Number of coordinates of a pose, m.
     """
     joints = len(plant.state.torque)
-    values = Space(PLANT_ROWS * joints + POSE + pose_size)
+    values = FloatBuffer(PLANT_ROWS * joints + POSE + pose_size)
     return Boxed(PlantInstance(plant.setup, Struct(plant.state), values, period))
 
 
@@ -223,7 +223,7 @@ def begin_loop(instance: LoopInstance) -> int:
 def step_loop(instance: LoopInstance) -> int:
     """Answer the state, move the robot under the torque; as :func:`begin_loop`."""
     law, plant = instance.law, instance.plant
-    row = law.setup.memory.state.held
+    row = law.setup.memory.state.fault_position
     write_at(law.values, POSITION, read_at(plant.values, PLANT_POSITION, row))
     write_at(law.values, VELOCITY, read_at(plant.values, PLANT_VELOCITY, row))
     write_at(law.values, EFFORT, read_at(plant.values, PLANT_EFFORT, row))
@@ -238,7 +238,7 @@ def step_loop(instance: LoopInstance) -> int:
 @kernel
 def _refer(instance: LoopInstance) -> None:
     """Write the reference of the state that the law answers next."""
-    law, row = instance.law, instance.law.setup.memory.state.held
+    law, row = instance.law, instance.law.setup.memory.state.fault_position
     number = ROWS * len(row) + SAMPLE
     k = min(int(read_at(law.values, number, 0.0)), len(instance.position) - 1)
     write_at(law.values, REFERENCE, read_row(instance.position, k, row))

@@ -15,7 +15,7 @@ from numba import typeof
 
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import BASES, JointUnits
-from parallel_robot_model.compiler import Boxed, FirstClass, Leaf, leaves
+from parallel_robot_model.compiler import Boxed, FunctionValue, Leaf, leaves
 from parallel_robot_model.configuration.fields import Field, PerJoint, parameters
 
 WORD = 8  # bytes
@@ -106,7 +106,7 @@ def _changed(make: Callable[[Any], Any], group: Any, at: int, k: int, new: float
 def _numbers(boxed: Boxed, value: Any) -> Iterator[Leaf]:
     """The numbers in a boxed tuple, or in another of its type."""
     for leaf in leaves(value, typeof(boxed.value), boxed.address):
-        if not isinstance(leaf.value, Boxed | FirstClass | str) and leaf.value is not None:
+        if not isinstance(leaf.value, Boxed | FunctionValue | str) and leaf.value is not None:
             yield leaf
 
 

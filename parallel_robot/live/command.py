@@ -18,11 +18,11 @@ from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.shared import add_bag_arguments, bag_view
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, StoppedError, optional
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.messages.topics import add_namespace_argument, full
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.node_processes import NodeProcesses, domain_lock
+from parallel_robot_model.processes.termination_signals import termination_signals
 from parallel_robot_sim.configuration import assemble, configure
 
 HOST, PORT, OUT = '127.0.0.1', 8080, Path('runs')
@@ -110,7 +110,7 @@ def execute(arguments: argparse.Namespace) -> int:
     optional('aiohttp', "aiohttp is not installed; pip install 'parallel_robot[live]'")
     from parallel_robot.live.server import listening
 
-    handlers = {number: signal.signal(number, _stop) for number in ending_signals()[1:]}
+    handlers = {number: signal.signal(number, _stop) for number in termination_signals()[1:]}
     try:
         with ExitStack() as stack:
             listen = stack.enter_context(listening(arguments.host, arguments.port, PORT))
@@ -215,7 +215,7 @@ def started_graph(
         RunError: a node does not start.
     """
     configuration = configure(resolve(scenario, changed))
-    with locating(configuration.values):
+    with with_location(configuration.values):
         loop = assemble(configuration).loop
     parameters = run.node_parameters(NAMES, scenario, changed, loop)
     with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:

@@ -23,7 +23,7 @@ from parallel_robot_control.configuration import configure as configure_control
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config
-from parallel_robot_model.configuration.fields import known
+from parallel_robot_model.configuration.fields import given_zero_angles
 from parallel_robot_model.messages import topics
 from parallel_robot_model.processes.child_process import command, die_with_parent
 from parallel_robot_sim.imperfections import reported_age
@@ -244,7 +244,7 @@ class GraphSource:
             if seen != self._seen or self._watched.started:  # not where a motion goes on
                 self._layouts += 1
                 self._seen, joints = seen, self._values['joints']
-                self._zero_angle = known(self._values)
+                self._zero_angle = given_zero_angles(self._values)
                 self._camera = Camera(*nominal_of(self._values), joints, self._layouts)
                 self._buffer = MotionBuffer(len(joints), reported_age(self._values))
             self._trouble = ''

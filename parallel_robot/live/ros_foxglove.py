@@ -24,7 +24,7 @@ from parallel_robot_model.common.errors import InputError, ParallelRobotError, o
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts, topics
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.termination_signals import termination_signals
 from parallel_robot_model.robots.link import frames
 
 PORT = 8765  # where Foxglove looks for a server
@@ -149,7 +149,7 @@ def serve(host: str, port: int, namespace: str | None, given: Mapping[str, Any] 
     ended: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: ended.append(number))
-        for number in ending_signals()
+        for number in termination_signals()
     }
     print(f'foxglove  ws://{host}:{server.port}', flush=True)
     if not is_loopback(str(socket.getaddrinfo(host, server.port)[0][4][0])):

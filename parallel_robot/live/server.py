@@ -32,7 +32,7 @@ from parallel_robot.live.guard import (
 from parallel_robot.live.guard import Protocol as HttpProtocol
 from parallel_robot.live.source import RefusedError
 from parallel_robot_model.common.errors import InputError, ParallelRobotError
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.termination_signals import termination_signals
 
 if TYPE_CHECKING:
     from parallel_robot.live.bag_source import BagSource
@@ -377,6 +377,6 @@ async def _serve(listening: socket.socket, host: str, source: Source, read_only:
             print(OPEN, file=sys.stderr)
         ended = asyncio.Event()
         loop = asyncio.get_running_loop()
-        for number in ending_signals():
+        for number in termination_signals():
             loop.add_signal_handler(number, ended.set)
         await ended.wait()

@@ -13,7 +13,7 @@ from parallel_robot_model.common.errors import Frame, pandas
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -77,5 +77,5 @@ def urdf(
         InputError: a name or value is wrong, or the robot has no description.
     """
     resolved = resolve(scenario_of(named('scenario', scenario)), changes(param_file, values))
-    with locating(resolved):
+    with with_location(resolved):
         return posture_of(resolved).description

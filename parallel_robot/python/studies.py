@@ -34,7 +34,7 @@ from parallel_robot.studies.verification import (
 from parallel_robot.studies.verification import verify as against_mujoco
 from parallel_robot_model.common.errors import Frame, InputError, pandas
 from parallel_robot_model.configuration.config_files import machine_file, with_file_contents
-from parallel_robot_model.configuration.plain_data import Placed
+from parallel_robot_model.configuration.plain_data import LocatedDict
 from parallel_robot_model.robots.robot_checks import FINE
 from parallel_robot_sim.scenario_run import changes, named
 
@@ -275,8 +275,8 @@ def verify(
     frame: Frame
     check_numbers(number := ROBOTS if robots is None else robots, seed, duration)
     if values and robots is None:
-        of_one, rows = with_file_contents(Placed(values)), []
-        if file := machine_file(Placed(values)):
+        of_one, rows = with_file_contents(LocatedDict(values)), []
+        if file := machine_file(LocatedDict(values)):
             for each in verify_file(of_one, file, seed)[1]:
                 what, apart = f'{each.what}, {each.where}', abs(each.here - each.there)
                 rows.append(('file', what, apart, each.size, each.agrees))
@@ -287,7 +287,7 @@ def verify(
         return frame
     found: dict[str, list[Difference]]
     if values:
-        given = with_file_contents(Placed(values))
+        given = with_file_contents(LocatedDict(values))
         found = {name_of(given): verify_machine(given, range(number), seed, duration)}
     else:
         found = {kind: against_mujoco(kind, range(number), seed, duration) for kind in SCENARIOS}

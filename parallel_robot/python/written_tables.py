@@ -14,7 +14,7 @@ from parallel_robot_control.laws import title
 from parallel_robot_model.common import tables
 from parallel_robot_model.common.errors import Frame, InputError, UnknownNameError, pandas
 from parallel_robot_model.common.tables import ShownResult, Table
-from parallel_robot_model.common.units import BOTH, SLIDES
+from parallel_robot_model.common.units import BOTH, PRISMATIC
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.fields import parameters
 
@@ -25,7 +25,9 @@ UNITS = {  # how names of columns end
     'nm_per_s': 'N m/s', 'nm2_per_hz': '(N m)²/Hz', 'rad2_per_hz': 'rad²/Hz',
     'rad2_per_s2_hz': '(rad/s)²/Hz',
 }  # fmt: skip
-UNITS |= {each.key(name): each.of(unit) for each in (SLIDES, BOTH) for name, unit in UNITS.items()}
+UNITS |= {
+    each.key(name): each.of(unit) for each in (PRISMATIC, BOTH) for name, unit in UNITS.items()
+}
 MICROS = {'m': 'µm', 'rad': 'µrad', 'rad or m': 'µrad or µm'}
 UNIT = re.compile(f'(.+?)_({"|".join(sorted(UNITS, key=len, reverse=True))})')
 

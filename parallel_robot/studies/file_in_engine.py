@@ -16,11 +16,11 @@ from scipy.spatial.transform import Rotation
 
 from parallel_robot_model.common.errors import InputError, optional, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.description.home import posture
 from parallel_robot_model.mechanisms.description.machine import Machine, parsed
 from parallel_robot_model.mechanisms.description.parts import Frame, null_space
-from parallel_robot_model.mechanisms.description.tree import Tree, build, place
+from parallel_robot_model.mechanisms.description.tree import Tree, build, link_frames
 from parallel_robot_model.mechanisms.dynamics import model
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
@@ -319,7 +319,7 @@ class _Mujoco:
 
 def _frame(tree: Tree, q: Array, body: int) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Where a body of MuJoCo is, and its rates by the links; that of index 0 is the world."""
-    places, host = place(tree, q), tree.hosts[body - 1] if body else Frame(BASE)
+    places, host = link_frames(tree, q), tree.hosts[body - 1] if body else Frame(BASE)
     return places.frame(host), places.rates(host)
 
 

@@ -28,11 +28,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel, read_row, write_row
-from parallel_robot_model.configuration.fields import known
+from parallel_robot_model.compiler import internal, kernel, read_row, write_row
+from parallel_robot_model.configuration.fields import given_zero_angles
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.ideal_torque import SMALL_STEP, after, performed, smooth
+from parallel_robot_sim.ideal_torque import SMALL_STEP, performed, smooth, state_after
 from parallel_robot_sim.imperfections import Imperfections
 from parallel_robot_sim.plant import PlantSetup, PlantState
 
@@ -105,7 +105,7 @@ def _moved(
         for i in range(size):
             for side in range(2):
                 x[i] = points[k, i] + (2 * side - 1) * SMALL_STEP
-                then = after(advance, setup, begin, x, torques[k], period)
+                then = state_after(advance, setup, begin, x, torques[k], period)
                 write_row(end[side], 0, then.coordinates)
                 write_row(end[side], c, then.rate)
                 coordinates = read_row(x, 0, begin.coordinates)
@@ -253,7 +253,7 @@ def _squares(motion: LinearMotion, noise: Noise, places: NDArray[np.int64]) -> A
     return found
 
 
-@inner
+@internal
 def _ahead(motion: LinearMotion, noise: Noise, P: Array, places: NDArray[np.int64]) -> float:
     """Mean square error at the last of some places from the covariance P at the first.
 
@@ -308,7 +308,7 @@ def geometry_error(configuration: Configuration, times: Array) -> float:
     """
     robot = configuration.true_robot
     off = np.array(configuration.imperfections.sensor.zero_angle)
-    off = off - known(configuration.values)
+    off = off - given_zero_angles(configuration.values)
     if not robot.place:
         return float(np.sqrt(np.mean(off**2)))
     desired = configuration.trajectory.sample(times)

@@ -12,7 +12,7 @@ from parallel_robot_control.estimation.lock_in import LockInParameters
 from parallel_robot_control.estimation.recent_torques import MOST
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import clip, inner, kernel, multiply, select
+from parallel_robot_model.compiler import clip, internal, kernel, multiply, select
 from parallel_robot_model.configuration.fields import Field, PerJoint, ZeroAngle
 from parallel_robot_model.robots.contract import Model
 
@@ -90,8 +90,8 @@ class Estimated(NamedTuple):
 
 def kind_for(parameters: EstimatorParameters, law: Law) -> int:
     """Number of the kind for a law: what the parameters say, or else what the law asks for."""
-    asked = (law.foreign or law).ESTIMATOR
-    return KINDS.index(asked if parameters.kind == KINDS[AUTO] else parameters.kind)
+    wanted = (law.foreign or law).ESTIMATOR
+    return KINDS.index(wanted if parameters.kind == KINDS[AUTO] else parameters.kind)
 
 
 def levels_for(parameters: EstimatorParameters, law: Law) -> float:
@@ -99,7 +99,7 @@ def levels_for(parameters: EstimatorParameters, law: Law) -> float:
     return law.LEVELS if parameters.levels == KINDS[AUTO] else float(parameters.levels)
 
 
-def settled(
+def resolved(
     parameters: EstimatorParameters, identification: LockInParameters, law: Law, period: float
 ) -> EstimatorParameters:
     """The parameters with numbers in place of words.
@@ -178,14 +178,14 @@ def differentiated(estimator: Any, before: Estimated, position: Array, dt: float
 
 @kernel
 def estimated(
-    estimator: Any, before: Estimated, known: bool, position: Array, dt: float
+    estimator: Any, before: Estimated, initialized: bool, position: Array, dt: float
 ) -> Estimated:
     """Estimates at a sample; at the first one, the robot is taken to be at rest.
 
     Args:
         estimator: Which one, FILTER or LEVANT.
         before: The last estimates.
-        known: Whether there are any.
+        initialized: Whether there are any.
         position: Measured angles [rad], shape (n,).
         dt: Time since the last sample [s].
     """
@@ -193,7 +193,7 @@ def estimated(
         estimate = filtered(estimator, before, position, dt)
     else:
         estimate = differentiated(estimator, before, position, dt)
-    return select(known, estimate, Estimated(position, np.zeros_like(position)))
+    return select(initialized, estimate, Estimated(position, np.zeros_like(position)))
 
 
 # Which torque acts on the robot besides that of the motors: a generalised-momentum observer.
@@ -209,11 +209,11 @@ class Observed(NamedTuple):
     residual: Array  # external torque r, as far as it is known [N m]
 
 
-@inner
+@internal
 def observed(
     bandwidth: float,
     before: Observed,
-    known: bool,
+    initialized: bool,
     model: Model,
     velocity: Array,
     torque: Array,
@@ -233,7 +233,7 @@ def observed(
     Args:
         bandwidth: K [1/s].
         before: What the last state left.
-        known: Whether there was one; if not, there is no residual yet.
+        initialized: Whether there was one; if not, there is no residual yet.
         model: Nominal model at the state; Q^T qd is its C^T qd.
         velocity: Rates of the joints there [rad/s], shape (n,).
         torque: Commanded torque since the last state [N m], shape (n,).
@@ -248,7 +248,7 @@ def observed(
     drift = -model.gravity
     for i in range(len(velocity)):
         drift = drift + velocity[i] * model.Q[i]
-    kept = math.exp(-bandwidth * dt)
+    decay = math.exp(-bandwidth * dt)
     external = (momentum - before.momentum) / dt - torque - 0.5 * (drift + before.drift)
-    residual = kept * before.residual + (1.0 - kept) * external
-    return Observed(momentum, drift, select(known, residual, np.zeros_like(velocity)))
+    residual = decay * before.residual + (1.0 - decay) * external
+    return Observed(momentum, drift, select(initialized, residual, np.zeros_like(velocity)))

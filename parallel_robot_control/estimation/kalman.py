@@ -17,7 +17,7 @@ from parallel_robot_control.estimation.recent_torques import MOST, SIZE
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     clip,
-    inner,
+    internal,
     kernel,
     multiply,
     select,
@@ -77,7 +77,7 @@ class Variance(NamedTuple):
     ff: Array
 
 
-@inner
+@internal
 def sign(command_delay: float, reference: JointReference, back: float) -> Array:
     """Sign of the desired motion some time before the torque acts [s], smooth, shape (n,)."""
     later = command_delay - back
@@ -85,7 +85,7 @@ def sign(command_delay: float, reference: JointReference, back: float) -> Array:
     return clip(rate / SMOOTH, -1.0, 1.0)
 
 
-@inner
+@internal
 def moved(bandwidth: float, model: Model, x: Mean, sign: Array, torque: Array, h: float) -> Mean:
     """The means after a time h [s] under a torque [N m], shape (n,)."""
     against = multiply(model.Q, x.velocity) + model.gravity
@@ -100,8 +100,8 @@ def moved(bandwidth: float, model: Model, x: Mean, sign: Array, torque: Array, h
     )
 
 
-@inner
-def spread(
+@internal
+def predict_covariance(
     estimator: Any, noise: Array, mobility: Array, p: Variance, s: Array, h: float
 ) -> Variance:
     """The covariances after a time h [s].
@@ -143,9 +143,9 @@ def spread(
     )
 
 
-@inner
+@internal
 def corrected(
-    x: Mean, p: Variance, of: Mean, miss: Array, variance: Array
+    x: Mean, p: Variance, of: Mean, innovation: Array, variance: Array
 ) -> tuple[Mean, Variance]:
     """Means and covariances with one more measured quantity of each joint.
 
@@ -153,10 +153,10 @@ def corrected(
         x: The means before.
         p: The covariances before.
         of: Covariances of the parts of a Mean with that quantity.
-        miss: Measured less expected, shape (n,).
-        variance: Of `miss`, shape (n,).
+        innovation: Measured less expected, shape (n,).
+        variance: Of `innovation`, shape (n,).
     """
-    e = miss / variance
+    e = innovation / variance
     mean = Mean(
         x.position + of.position * e,
         x.velocity + of.velocity * e,
@@ -167,7 +167,7 @@ def corrected(
     return mean, _less(p, 1.0 / variance, of)
 
 
-@inner
+@internal
 def _less(p: Variance, g: Array, of: Mean) -> Variance:
     """Covariances less g times the products of a column of them."""
     q, v, w, c, f = of
@@ -212,8 +212,8 @@ class Levels(NamedTuple):
     disturbance: Array  # [(N m)^2]
 
 
-@inner
-def given_levels(estimator: Any) -> Levels:
+@internal
+def initial_levels(estimator: Any) -> Levels:
     """The levels that the parameters tell."""
     return Levels(
         estimator.position_noise * estimator.position_noise,
@@ -222,21 +222,21 @@ def given_levels(estimator: Any) -> Levels:
     )
 
 
-@inner
-def next_level(time: float, level: Array, given: Array, square: Array, dt: float) -> Array:
+@internal
+def next_level(time: float, level: Array, initial: Array, square: Array, dt: float) -> Array:
     """A level that follows a square.
 
     Args:
         time: Over which it is found [s].
         level: As it is, shape (n,).
-        given: The level at the beginning, shape (n,).
+        initial: The level at the beginning, shape (n,).
         square: What has the level for its mean, shape (n,).
         dt: Time since the state before [s].
     """
     share = select(dt < time, dt / time, 1.0)
     level = level + share * (square - level)
-    level = select(level < given / RANGE, given / RANGE, level)
-    return select(level > given * RANGE, given * RANGE, level)
+    level = select(level < initial / RANGE, initial / RANGE, level)
+    return select(level > initial * RANGE, initial * RANGE, level)
 
 
 # What the Kalman filter keeps from state to state.
@@ -253,15 +253,15 @@ class KalmanMemory(NamedTuple):
     levels: Levels  # that it found
 
 
-@inner
-def running(torques: Any, sample: int, known: bool) -> bool:
-    """Whether the filter ran not long before a sample; `known`: whether there was one."""
+@internal
+def running(torques: Any, sample: int, initialized: bool) -> bool:
+    """Whether the filter ran not long before a sample; `initialized`: whether there was one."""
     since = sample - torques.newest
-    return known and torques.tracked and since >= 0 and since <= SIZE - 2 * MOST
+    return initialized and torques.tracked and since >= 0 and since <= SIZE - 2 * MOST
 
 
-@inner
-def begin(
+@internal
+def reset(
     setup: Any, levels: Levels, moving: bool, position: Array, velocity: Array, torque: Array
 ) -> tuple[Mean, Variance]:
     """Begin anew at a measured motion, under a torque that has acted for long [N m]."""
@@ -305,7 +305,7 @@ def predicted(
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,); not used unless `estimator.velocities`.
         before: Torque before this sample [N m], shape (n,); used at the first state.
-        missing: Torque that was asked for and did not act [N m], shape (n,).
+        missing: Torque that was commanded and did not act [N m], shape (n,).
         moving: Whether there was a state before; if not, the robot is at rest.
         sample: Index of the period from whose start on the torque is asked for.
         late: From the measurement to the moment at which the torque acts [s]; what is beyond MOST
@@ -314,7 +314,7 @@ def predicted(
     """
     estimator, memory, torques = setup.estimator, setup.memory.kalman, setup.memory.torques
     period, most, bandwidth = setup.period, MOST * setup.period, bandwidth_of(estimator)
-    delay, given, time = estimator.command_delay, given_levels(estimator), estimator.levels
+    delay, given, time = estimator.command_delay, initial_levels(estimator), estimator.levels
     late = select(late > most, most, late)
     # 1. From the state before to this one, under the torques that acted.
     if running(torques, sample, moving):
@@ -328,54 +328,56 @@ def predicted(
             low = select(late > (j - 1) * period, late, (j - 1) * period)
             h = select(high > low, high - low, 0.0)
             s = sign(delay, reference, high)
-            torque = recent_torques.acting_at(torques, sample - j) - missing
+            torque = recent_torques.applied_torque(torques, sample - j) - missing
             x = moved(bandwidth, model, x, s, torque, h)
-            p = spread(estimator, levels.disturbance, mobility, p, s, h)
+            p = predict_covariance(estimator, levels.disturbance, mobility, p, s, h)
             j -= 1
         of = Mean(p.qq, p.qv, p.qw, p.qc, p.qf)
-        miss = position - x.position
-        of_position = next_level(time, levels.position, given.position, miss * miss - p.qq, dt)
-        x, p = corrected(x, p, of, miss, p.qq + levels.position)
+        innovation = position - x.position
+        of_position = next_level(
+            time, levels.position, given.position, innovation * innovation - p.qq, dt
+        )
+        x, p = corrected(x, p, of, innovation, p.qq + levels.position)
         of_velocity = levels.velocity
         if estimator.velocities:
             of = Mean(p.qv, p.vv, p.vw, p.vc, p.vf)
-            miss = velocity - x.velocity
-            square = miss * miss - p.vv
+            innovation = velocity - x.velocity
+            square = innovation * innovation - p.vv
             of_velocity = next_level(time, levels.velocity, given.velocity, square, dt)
-            x, p = corrected(x, p, of, miss, p.vv + levels.velocity)
+            x, p = corrected(x, p, of, innovation, p.vv + levels.velocity)
         if time > 0.0:
             square = x.disturbance * x.disturbance + p.ww
             of_torque = next_level(time, levels.disturbance, given.disturbance, square, dt)
             memory.levels = Levels(of_position, of_velocity, of_torque)
     else:
         rate = velocity if estimator.velocities else np.zeros_like(velocity)
-        x, p = begin(setup, given, moving, position, rate, before)
+        x, p = reset(setup, given, moving, position, rate, before)
         memory.levels = given
     memory.mean, memory.variance = x, p
-    # 2. Over the age of this state, under the torques that were asked for since.
+    # 2. Over the age of this state, under the torques that were commanded since.
     j = _periods(late, period)
     while j > 0:
         high = select(late < j * period, late, j * period)
         h = select(high > (j - 1) * period, high - (j - 1) * period, 0.0)
-        torque = recent_torques.acting_at(torques, sample - j) - missing
+        torque = recent_torques.applied_torque(torques, sample - j) - missing
         x = moved(bandwidth, model, x, sign(delay, reference, high), torque, h)
         j -= 1
-    # 3. And over the lag of the motors, which delays what is asked for now by as much.
+    # 3. And over the lag of the motors, which delays the present command by as much.
     s = sign(delay, reference, -estimator.lag)
     if estimator.lag > 0.0:
-        torque = recent_torques.acting_after(torques) - missing
+        torque = recent_torques.applied_torque_after(torques) - missing
         x = moved(bandwidth, model, x, s, torque, estimator.lag)
     unknown = x.disturbance + x.offset + x.coulomb * s
     return Predicted(x.position, x.velocity, unknown)
 
 
-@inner
+@internal
 def bandwidth_of(estimator: Any) -> float:
     """Bandwidth b of the disturbance [1/s]."""
     return 2.0 * math.pi * estimator.disturbance_bandwidth
 
 
-@inner
+@internal
 def _periods(time: float, period: float) -> int:
     """Number of periods that a time takes."""
     count = 0
@@ -384,8 +386,8 @@ def _periods(time: float, period: float) -> int:
     return count
 
 
-@inner
-def _diagonal(matrix: Array, like: Array) -> Array:
-    """Diagonal of a matrix of shape (n, n) as a vector; `like` is any of shape (n,)."""
-    one = np.zeros_like(like) + 1.0
+@internal
+def _diagonal(matrix: Array, template: Array) -> Array:
+    """Diagonal of a matrix of shape (n, n) as a vector; `template` is any of shape (n,)."""
+    one = np.zeros_like(template) + 1.0
     return multiply(matrix * np.diag(one), one)

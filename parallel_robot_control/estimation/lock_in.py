@@ -26,16 +26,16 @@ from numpy.typing import NDArray
 from parallel_robot_control.estimation.recent_torques import MOST, samples_of
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import every, inner, select, solve
+from parallel_robot_model.compiler import every, internal, select, solve
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Model
 
 NEAR = 0.05, 2.0  # periods, standard errors from a whole number of periods, which it then is
-APART = 0.5  # periods by which a joint may tell another delay than all together
+MAX_SPREAD = 0.5  # periods by which a joint may tell another delay than all together
 GAP = 28  # samples; after more without a state it begins anew
 LEAST = 4, 20  # samples of an oscillation, oscillations
 
-OFF, WAITING, UNDER_WAY, FOUND, KEPT = range(5)  # phases
+OFF, WAITING, RUNNING, FOUND, KEPT = range(5)  # phases
 
 
 class LockInParameters(NamedTuple):
@@ -54,7 +54,7 @@ class LockInMemory(NamedTuple):
     first: int  # the first sample
     end: int  # the first sample after the end; 0 before it
     last: int  # the newest sample
-    sound: bool  # whether nothing speaks against what is found
+    valid: bool  # whether nothing speaks against what is found
     weight: float  # sum of the weights h
     age: float  # of the states, weighted sum [s]
     delay: float  # the delay, found or assumed [s]
@@ -65,36 +65,36 @@ class LockInMemory(NamedTuple):
     of_joints: Array  # what each joint tells by itself [s], shape (n,)
 
 
-@inner
-def delay_at(setup: Any, known: bool) -> float:
-    """Age of a state that its stamp does not tell [s]; `known`: whether one came before it."""
-    if setup.identifies and known and setup.memory.lock_in.end > 0:
+@internal
+def delay_at(setup: Any, initialized: bool) -> float:
+    """Age of a state beyond its stamp [s]; `initialized`: whether one came before it."""
+    if setup.identifies and initialized and setup.memory.lock_in.end > 0:
         return setup.memory.lock_in.delay
     return setup.estimator.delay
 
 
-@inner
-def begin(setup: Any, sample: int, known: bool, failed: bool) -> None:
+@internal
+def reset(setup: Any, sample: int, initialized: bool, failed: bool) -> None:
     """Begin anew in a new run, and if a fault or missing states have interrupted it.
 
     Args:
         setup: The ControlSetup.
         sample: Index of the sample.
-        known: Whether there was a state before.
+        initialized: Whether there was a state before.
         failed: Whether the controller is in a fault.
     """
     at = setup.memory.lock_in
     broken = sample - at.last > GAP or failed
-    if not known or (broken and at.end == 0):
-        at.first, at.end, at.sound = sample, 0, True
+    if not initialized or (broken and at.end == 0):
+        at.first, at.end, at.valid = sample, 0, True
         at.weight, at.age, at.delay = 0.0, 0.0, 0.0
         zero = np.zeros_like(at.y_cos)
         at.y_cos, at.y_sin, at.a_cos, at.a_sin, at.of_joints = zero, zero, zero, zero, zero
     at.last = sample
 
 
-@inner
-def place(setup: Any, sample: int) -> int:
+@internal
+def elapsed_samples(setup: Any, sample: int) -> int:
     """How many samples it has lasted at a sample; negative before it begins and after its end."""
     at, lock_in = setup.memory.lock_in, setup.lock_in
     since = sample - at.first - samples_of(setup, lock_in.start)
@@ -102,23 +102,23 @@ def place(setup: Any, sample: int) -> int:
     return -1 if over else since
 
 
-@inner
+@internal
 def _angle(setup: Any, k: int) -> float:
     """Of the sine after k samples [rad]."""
     return 2.0 * math.pi * setup.lock_in.frequency * setup.period * k
 
 
-@inner
+@internal
 def added(setup: Any, sample: int) -> Array:
     """Torque that is added at a sample [N m], shape (n,)."""
-    k = place(setup, sample)
+    k = elapsed_samples(setup, sample)
     size = 0.0
     if k >= 0:
         size = _window(setup, k) * math.sin(_angle(setup, k))
     return setup.lock_in.torque * size
 
 
-@inner
+@internal
 def observe(
     setup: Any, sample: int, model: Model, error: Array, torque: Array, age: float, failed: bool
 ) -> None:
@@ -135,8 +135,8 @@ def observe(
     """
     at, estimator = setup.memory.lock_in, setup.estimator
     if at.end == 0 and failed:
-        at.sound = False
-    k = place(setup, sample)
+        at.valid = False
+    k = elapsed_samples(setup, sample)
     if k < 0:
         return
     h = _window(setup, k)
@@ -149,22 +149,22 @@ def observe(
     at.weight += weight
     if k == samples_of(setup, setup.lock_in.duration) - 1:
         frequency = 2.0 * math.pi * setup.lock_in.frequency
-        told = at.age / at.weight + estimator.command_delay
-        told += math.atan(frequency * estimator.lag) / frequency
-        _end(setup, told)
+        known_delay = at.age / at.weight + estimator.command_delay
+        known_delay += math.atan(frequency * estimator.lag) / frequency
+        _find_delay(setup, known_delay)
         at.end = sample + 1
 
 
-@inner
+@internal
 def _window(setup: Any, k: int) -> float:
     """Amplitude of the sine, 0 to 1 (Hann); as a weight, squared, it lets nothing slow through."""
     sine = math.sin(math.pi * (k + 0.5) / samples_of(setup, setup.lock_in.duration))
     return sine * sine
 
 
-@inner
-def _end(setup: Any, told: float) -> None:
-    """Find the delay, beside `told` [s], that stamps and `command_delay` tell already."""
+@internal
+def _find_delay(setup: Any, known_delay: float) -> None:
+    """Find the delay, beside `known_delay` [s], that stamps and `command_delay` tell already."""
     at, period = setup.memory.lock_in, setup.period
     frequency = 2.0 * math.pi * setup.lock_in.frequency
     y_cos, y_sin, a_cos, a_sin = at.y_cos, at.y_sin, at.a_cos, at.a_sin
@@ -175,34 +175,34 @@ def _end(setup: Any, told: float) -> None:
     # 2. The delay from three quarters of an oscillation down to minus one quarter.
     turns = -np.arctan2(all_im, all_re) * (0.5 / math.pi)
     cycle = 2.0 * math.pi / frequency
-    turns = turns - (0.5 * period + told) / cycle
+    turns = turns - (0.5 * period + known_delay) / cycle
     turns = turns - np.floor(turns + 0.25)
     delay = turns * cycle
     # 3. How far each joint is from it.
     across, along = im * all_re - re * all_im, re * all_re + im * all_im
-    apart = -np.arctan2(across, along) / frequency
-    inside = (delay >= -APART * period) & (delay + told <= MOST * period)
-    at.sound = at.sound and every(np.abs(apart) <= APART * period) and inside
-    at.of_joints = apart + delay
+    spread = -np.arctan2(across, along) / frequency
+    inside = (delay >= -MAX_SPREAD * period) & (delay + known_delay <= MOST * period)
+    at.valid = at.valid and every(np.abs(spread) <= MAX_SPREAD * period) and inside
+    at.of_joints = spread + delay
     delay = select(delay > 0.0, delay, 0.0)
     # 4. Whole periods are usual: if the difference may be chance, it is so many.
-    joints = len(apart)
-    error = np.sqrt(np.sum(apart * apart) / (joints * max(joints - 1, 1)))
-    whole = period * np.floor(delay / period + 0.5)
-    off = np.abs(delay - whole)
+    joints = len(spread)
+    error = np.sqrt(np.sum(spread * spread) / (joints * max(joints - 1, 1)))
+    integer = period * np.floor(delay / period + 0.5)
+    off = np.abs(delay - integer)
     near = (off <= NEAR[0] * period) | (off <= NEAR[1] * error)
-    delay = select(near, whole, delay)
-    at.delay = select(at.sound, delay, setup.estimator.delay)
+    delay = select(near, integer, delay)
+    at.delay = select(at.valid, delay, setup.estimator.delay)
 
 
-@inner
+@internal
 def phase(setup: Any, sample: int) -> int:
-    """What it is doing after a sample: OFF, WAITING, UNDER_WAY, FOUND or KEPT."""
+    """What it is doing after a sample: OFF, WAITING, RUNNING, FOUND or KEPT."""
     if not setup.identifies:
         return OFF
     if setup.memory.lock_in.end == 0:
-        return WAITING if place(setup, sample) < 0 else UNDER_WAY
-    return FOUND if setup.memory.lock_in.sound else KEPT
+        return WAITING if elapsed_samples(setup, sample) < 0 else RUNNING
+    return FOUND if setup.memory.lock_in.valid else KEPT
 
 
 def check(parameters: LockInParameters, period: float) -> None:
@@ -241,7 +241,7 @@ def result(setup: Any) -> Result:
     """What has been found by the cycle with a ControlSetup."""
     at, phase = setup.memory.lock_in, OFF
     if setup.identifies:
-        phase = WAITING if not at.end else FOUND if at.sound else KEPT
+        phase = WAITING if not at.end else FOUND if at.valid else KEPT
     end = at.end - at.first if at.end else 0
     return Result(phase, float(at.delay), np.asarray(at.of_joints), int(end))
 
@@ -257,10 +257,10 @@ def phases(setup: Any, samples: NDArray[np.int64], first_fault: int | None) -> N
     if not setup.identifies:
         return np.full(len(samples), OFF)
     outcome = result(setup)
-    under_way = samples >= round(setup.lock_in.start / setup.period)
+    running = samples >= round(setup.lock_in.start / setup.period)
     if first_fault is not None:
-        under_way &= samples <= first_fault
-    doing = np.where(under_way, UNDER_WAY, WAITING)
+        running &= samples <= first_fault
+    doing = np.where(running, RUNNING, WAITING)
     return np.where(samples >= outcome.end - 1, outcome.phase, doing) if outcome.end else doing
 
 
@@ -269,7 +269,7 @@ def delay_text(setup: Any, phase: int, units: JointUnits = HINGES) -> str:
 
     Args:
         setup: The ControlSetup.
-        phase: OFF, WAITING, UNDER_WAY, FOUND or KEPT.
+        phase: OFF, WAITING, RUNNING, FOUND or KEPT.
         units: Units of the joints.
     """
     if not setup.identifies:
@@ -278,7 +278,7 @@ def delay_text(setup: Any, phase: int, units: JointUnits = HINGES) -> str:
     low, high = 1e3 * outcome.of_joints.min(), 1e3 * outcome.of_joints.max()
     tell = f'by joint {low:.3f} to {high:.3f} ms'
     known = f'{1e3 * setup.estimator.delay:g} ms assumed'
-    if phase == UNDER_WAY:
+    if phase == RUNNING:
         size = ', '.join(f'{each:g}' for each in np.unique(lock_in.torque))
         what = f'{size} {units.of("N m")} at {lock_in.frequency:g} Hz are added for'
         length = round(lock_in.duration / setup.period) * setup.period
@@ -287,6 +287,6 @@ def delay_text(setup: Any, phase: int, units: JointUnits = HINGES) -> str:
         same = f'{1e3 / lock_in.frequency:.4g} ms more would look the same'
         return f'{1e3 * outcome.delay:.4g} ms identified, {tell}; {same}'
     if phase == KEPT:
-        most = 1e3 * APART * setup.period
+        most = 1e3 * MAX_SPREAD * setup.period
         return f'{known}, not identified: {tell}, more than {most:g} ms from all, or below 0'
     return f'{known}, not identified yet' if phase == WAITING else ''

@@ -1,4 +1,4 @@
-"""The torques of the last samples, as the cycle remembers them: asked for, and as motors apply."""
+"""The torques of the last samples: as commanded, and as the motors applied them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Struct, inner, read_row, select, write_row
+from parallel_robot_model.compiler import Struct, internal, read_row, select, write_row
 
 SIZE = 128  # torques that are remembered
 MOST = 50  # samples, largest age from which is predicted
@@ -20,8 +20,8 @@ class RecentTorques(NamedTuple):
     newest: int  # index of the last sample of which a torque is remembered
     tracked: bool  # whether the Kalman filter ran at it
     age: float  # from the measurement of the last state to the moment at which its torque acts [s]
-    asked: Array  # torque asked for at a sample, in row sample % SIZE, shape (SIZE, n)
-    acting: Array  # what the motors made of the law's over its period, shape (SIZE, n)
+    commanded: Array  # torque commanded at a sample, in row sample % SIZE, shape (SIZE, n)
+    applied: Array  # what the motors made of the law's over its period, shape (SIZE, n)
     lagged: Array  # the same after the newest of them, shape (n,)
     added: Array  # what was added to the newest torque of the law, see repetition.py, shape (n,)
 
@@ -32,51 +32,51 @@ def recent_torques(zero: Array) -> Struct:
     return Struct(RecentTorques(0, False, 0.0, np.zeros(rows), np.zeros(rows), zero, zero))
 
 
-@inner
+@internal
 def samples_of(setup: Any, time: float) -> int:
     """A time [s] in periods of a ControlSetup."""
     return int(np.rint(time / setup.period))
 
 
-@inner
+@internal
 def torque_at(torques: Any, sample: int) -> Array:
-    """Torque that was asked for at one of the last SIZE samples [N m], shape (n,)."""
-    return read_row(torques.asked, sample % SIZE, torques.lagged)
+    """Torque commanded at one of the last SIZE samples [N m], shape (n,)."""
+    return read_row(torques.commanded, sample % SIZE, torques.lagged)
 
 
-@inner
-def acting_at(torques: Any, sample: int) -> Array:
+@internal
+def applied_torque(torques: Any, sample: int) -> Array:
     """What the motors made of the law's torque over the period of a sample [N m], shape (n,)."""
-    return read_row(torques.acting, sample % SIZE, torques.lagged)
+    return read_row(torques.applied, sample % SIZE, torques.lagged)
 
 
-@inner
-def acting_after(torques: Any) -> Array:
+@internal
+def applied_torque_after(torques: Any) -> Array:
     """Mean torque of motors with a lag over that time after the newest period [N m], shape (n,).
 
     The newest command is held.
     """
-    asked = _newest_of_law(torques)
-    return asked + (torques.lagged - asked) * (1.0 - math.exp(-1.0))
+    commanded = _newest_of_law(torques)
+    return commanded + (torques.lagged - commanded) * (1.0 - math.exp(-1.0))
 
 
-@inner
+@internal
 def fill(torques: Any, torque: Array) -> None:
     """Take a torque for the one that has acted for long [N m], shape (n,)."""
     for k in range(SIZE):
-        write_row(torques.asked, k, torque)
-        write_row(torques.acting, k, torque)
+        write_row(torques.commanded, k, torque)
+        write_row(torques.applied, k, torque)
     torques.lagged, torques.added = torque, np.zeros_like(torque)
 
 
-@inner
+@internal
 def _newest_of_law(torques: Any) -> Array:
     """The newest torque without what was added to that of the law [N m], shape (n,)."""
     return torque_at(torques, torques.newest) - torques.added
 
 
-@inner
-def remember(setup: Any, sample: int, torque: Array, added: Array, tracking: bool) -> None:
+@internal
+def record(setup: Any, sample: int, torque: Array, added: Array, tracking: bool) -> None:
     """Keep the torque that acts from a sample on; where samples are left out, the last one acted.
 
     Args:
@@ -91,34 +91,36 @@ def remember(setup: Any, sample: int, torque: Array, added: Array, tracking: boo
     if sample > last + 1:
         held, of_law = torque_at(torques, last), _newest_of_law(torques)
         for missed in range(max(last + 1, sample - SIZE), sample):
-            write_row(torques.asked, missed % SIZE, held)
-            _act(torques, missed, of_law, lag, period)
-    write_row(torques.asked, sample % SIZE, torque)
+            write_row(torques.commanded, missed % SIZE, held)
+            _record_applied(torques, missed, of_law, lag, period)
+    write_row(torques.commanded, sample % SIZE, torque)
     torques.added = added
-    _act(torques, sample, torque - added, lag, period)
+    _record_applied(torques, sample, torque - added, lag, period)
     torques.newest, torques.tracked = sample, tracking
 
 
-@inner
-def _act(torques: Any, sample: int, torque: Array, lag: float, period: float) -> None:
+@internal
+def _record_applied(torques: Any, sample: int, torque: Array, lag: float, period: float) -> None:
     """Keep what motors with a lag of first order make of a torque: its mean, and the last."""
     mean = torque
     if lag > 0.0:
         before, left = torques.lagged, math.exp(-period / lag)
         mean = torque + (before - torque) * ((1.0 - left) * lag / period)
         torques.lagged = torque + (before - torque) * left
-    write_row(torques.acting, sample % SIZE, mean)
+    write_row(torques.applied, sample % SIZE, mean)
 
 
-@inner
-def between(torques: Any, age: float, known: bool, dt: float) -> float:
+@internal
+def between(torques: Any, age: float, initialized: bool, dt: float) -> float:
     """Time between the moments at which the last torque and the next one act [s].
 
     Args:
         torques: What is remembered.
         age: From the measurement of a state to the moment at which its torque acts [s].
-        known: Whether there was a state before.
+        initialized: Whether there was a state before.
         dt: Time between the measurements [s].
     """
     before, torques.age = torques.age, age
-    return select(known and age != before, dt + age - before, dt)  # exact where they are equal
+    return select(
+        initialized and age != before, dt + age - before, dt
+    )  # exact where they are equal

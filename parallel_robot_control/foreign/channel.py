@@ -21,8 +21,8 @@ from parallel_robot_control.foreign import process
 from parallel_robot_control.foreign.process import DESCRIPTOR, ENDED, GOT, HEAD, LATE, POLLED, WORD
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.compiler import (
-    Space,
-    inner,
+    FloatBuffer,
+    internal,
     kernel,
     poll,
     read_at,
@@ -32,13 +32,13 @@ from parallel_robot_model.compiler import (
     write_at,
 )
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.processes.child_process import command, trial_ending
-from parallel_robot_model.processes.custom_module import distinguish
+from parallel_robot_model.processes.child_process import command, exit_reason
+from parallel_robot_model.processes.custom_module import qualify_type_names
 from parallel_robot_model.robots.contract import Model
 
 PROCESS = 'parallel_robot_control.foreign.process'
 LOADING = 60.0  # s, within which a law must be loaded
-ENDING = 5.0  # s, for a process that is told to end
+EXIT_TIMEOUT = 5.0  # s, for a process that is requested to end
 FOLDER = 'parallel_robot_law_'  # and the number of the process that asks
 
 
@@ -68,7 +68,7 @@ class Channel:
         self._folder = _new_folder() if file.endswith('.fmu') else None
         self._begin = process.question_length(joints) + HEAD
         words = max(process.answer_length(joints), process.TEXT // process.WORD)
-        self.space = Space(self._begin + words)
+        self.space = FloatBuffer(self._begin + words)
         self._sizes = process.answer_length(joints) * process.WORD
         self._fault = self._begin + process.FAULT * joints
         self._chosen: dict[int, tuple[float, ...]] = {}
@@ -94,9 +94,9 @@ class Channel:
                 pass_fds=(theirs.fileno(),),
             )
         self._socket, self._owner = ours, os.getpid()
-        said = self._first_words(ours)
+        said = self._announcement(ours)
         for session in self._chosen:
-            self._tell(session)
+            self._send_gains(session)
         self.period = float(said['period'])
         self.multiples, self.aged = bool(said['multiples']), bool(said['aged'])
         self.kinds = said['kinds']
@@ -120,14 +120,15 @@ class Channel:
         """
         self._chosen[session] = gains
         self.ready()
-        self._tell(session)
+        self._send_gains(session)
 
-    def _tell(self, session: int) -> None:
+    def _send_gains(self, session: int) -> None:
         assert self._socket is not None
-        with contextlib.suppress(ConnectionError):  # why it has ended is told at the next question
-            self._socket.send(process.told_gains(session, self._chosen[session]))
+        # why it has ended is reported at the next question
+        with contextlib.suppress(ConnectionError):
+            self._socket.send(process.gains_message(session, self._chosen[session]))
 
-    def _first_words(self, ours: socket.socket) -> dict[str, Any]:
+    def _announcement(self, ours: socket.socket) -> dict[str, Any]:
         """What the process says of the law that it has loaded."""
         ours.settimeout(LOADING)
         try:
@@ -154,7 +155,7 @@ class Channel:
         """How the process has ended."""
         assert self._process is not None
         try:
-            return trial_ending(self._process.wait(ENDING))
+            return exit_reason(self._process.wait(EXIT_TIMEOUT))
         except subprocess.TimeoutExpired:
             return 'gives no answer'
 
@@ -217,12 +218,12 @@ class Memory(NamedTuple):
     number: int  # of the next question; 0: the law begins anew
 
 
-distinguish(Gains, Memory)
-numbers_at, answer_words = inner(process.numbers_at), inner(process.answer_length)
+qualify_type_names(Gains, Memory)
+numbers_at, answer_words = internal(process.numbers_at), internal(process.answer_length)
 
 
-@inner
-def asked(channel: int, words: int, wanted: int, limit: float) -> bool:
+@internal
+def exchange(channel: int, words: int, wanted: int, limit: float) -> bool:
     """Send a question, and wait for the answer; whether it is there.
 
     Args:
@@ -293,7 +294,7 @@ def update(
     torque = np.zeros_like(row) + np.nan
     error = reference.position - feedback.position
     sliding_variable, coupled_error = error, error
-    there = asked(memory.channel, words, answer_words(n), gains.limit)
+    there = exchange(memory.channel, words, answer_words(n), gains.limit)
     if there and read_at(answer, process.FAULT * n, 0.0) == 0.0:
         torque = read_at(answer, process.TORQUE, row)
         sliding_variable = read_at(answer, process.SLIDING_VARIABLE, row)

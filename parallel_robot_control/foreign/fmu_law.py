@@ -15,7 +15,7 @@ from parallel_robot_control.foreign import process
 from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_control.foreign.process import MOST_GAINS
 from parallel_robot_model.common.errors import InputError, UnknownNameError, first_line, optional
-from parallel_robot_model.common.units import BASES, BOTH, HINGES, SLIDES
+from parallel_robot_model.common.units import BASES, BOTH, HINGES, PRISMATIC
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import Field, check
 
@@ -281,7 +281,7 @@ class FmuLaw:
         )
         self._time, self._period = 0.0, math.inf
         self._used = False
-        self._begin()
+        self._start()
 
     def update(self, begins: bool, dt: float, age: float, gains: Sequence[float]) -> float:
         """See :class:`parallel_robot_control.foreign.process.Loaded`.
@@ -293,7 +293,7 @@ class FmuLaw:
             if self._used or chosen != self._chosen:
                 self._chosen = chosen
                 self._call(self._unit.reset)
-                self._begin()
+                self._start()
             self._used = True
             # A run may begin after a gap; the period is known from one that does not.
             known = self.period and not self.multiples
@@ -301,9 +301,9 @@ class FmuLaw:
             dt = self._period
         for _ in range(min(round(dt / self._period), MANY) - 1):
             self._step(self._period)
-        n, asked = self._joints, self._question
+        n, inputs = self._joints, self._question
         for name, variables in self._inputs.items():
-            row, *less = (asked[n * row : n * row + n] for row in INPUTS[name][1:])
+            row, *less = (inputs[n * row : n * row + n] for row in INPUTS[name][1:])
             values = [one - other for one, other in zip(row, *less, strict=True)] if less else row
             self._put(variables, self._foreign(name, values))
         if self._age:
@@ -324,7 +324,7 @@ class FmuLaw:
         scaled = zip(values, self._scales[name], strict=True)
         return [(value - offset) / factor for value, (factor, offset) in scaled]
 
-    def _begin(self) -> None:
+    def _start(self) -> None:
         """Begin the initialisation, which ends when the first inputs are set."""
         unit, self._time = self._unit, 0.0
         for variable, value in self._parameters:
@@ -340,7 +340,7 @@ class FmuLaw:
         self._time += period
         if self._third and (done[1] or done[2]):
             ends = f'returned early, at {done[3]:.9g} s' if not done[1] else ENDS
-            raise InputError(f'the FMU {ends}{self._words()}')
+            raise InputError(f'the FMU {ends}{self._log_text()}')
 
     def _put(self, variables: list[Any], values: Iterable[float]) -> None:
         """Set variables of one type."""
@@ -366,9 +366,9 @@ class FmuLaw:
                 with contextlib.suppress(Exception):  # it need not have this function
                     ends = self._unit.getBooleanStatus(TERMINATED)
             failed = ENDS if ends else f'failed: {first_line(error)}'
-            raise InputError(f'the FMU {failed}{self._words()}') from None
+            raise InputError(f'the FMU {failed}{self._log_text()}') from None
 
-    def _words(self) -> str:
+    def _log_text(self) -> str:
         return f', {self._said}' if self._said else ''
 
     def _log(self, *words: Any) -> None:
@@ -414,14 +414,14 @@ class FmuLaw:
         if unit in SAYS_NOTHING or not ours:
             return 1.0, 0.0
         base = self._units.get(unit)
-        fits = [kind for kind in (HINGES, SLIDES) if _fits(unit, base, BASES[kind.of(ours)])]
+        fits = [kind for kind in (HINGES, PRISMATIC) if _fits(unit, base, BASES[kind.of(ours)])]
         if not fits or (base and not 0.0 < abs(base.factor) < math.inf):
             raise InputError(
                 f'{self._file}: {variable.name} is in {unit}, {_defined(base)}: {name} is in '
                 f'{BOTH.of(ours)}'
             )
         if joint is not None and len(fits) == 1:
-            self._kinds.setdefault((joint, fits == [SLIDES]), f'{variable.name} is in {unit}')
+            self._kinds.setdefault((joint, fits == [PRISMATIC]), f'{variable.name} is in {unit}')
         if base is None:
             return 1.0, 0.0
         relative = variable.relativeQuantity or getattr(declared, 'relativeQuantity', False)

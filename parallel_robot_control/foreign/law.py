@@ -28,7 +28,7 @@ class ForeignLaw:
     def __init__(
         self, path: str, sha256: str, names: Mapping[str, Any] = MappingProxyType({})
     ) -> None:
-        """Name it; nothing of it runs before it is asked.
+        """Name it; nothing of it runs before it is needed.
 
         Args:
             path: Its file.
@@ -54,7 +54,7 @@ class ForeignLaw:
             self._check()
             _channels[key] = Channel(self.path, self.names, joints)
         self._channel = _channels[key]
-        self.begin()
+        self.start()
         return Memory(int(self._channel.space), next(_sessions), 0)
 
     def choose(self, memory: Memory, gains: Any) -> None:
@@ -72,7 +72,7 @@ class ForeignLaw:
         if digest != self.sha256:
             raise InputError(f'{self.path} is not the file that is meant: its sha256 is {digest}')
 
-    def judge_loop(self, period: float, units: JointUnits) -> None:
+    def check_loop(self, period: float, units: JointUnits) -> None:
         """Refuse a period or joints that are not the law's; it has an initial memory.
 
         Raises:
@@ -106,7 +106,7 @@ class ForeignLaw:
         """Whether its process is there."""
         return self._channel is None or self._channel.runs
 
-    def begin(self) -> None:
+    def start(self) -> None:
         """Have a process for a new run, whatever became of the one before.
 
         Raises:
@@ -122,7 +122,7 @@ class ForeignLaw:
 
 
 def _digest(sha256: str, names: Mapping[str, Any]) -> str:
-    """By what laws are told apart."""
+    """Identity of the law."""
     return hashlib.sha256(f'{sha256}{names!r}'.encode()).hexdigest()[:16]
 
 

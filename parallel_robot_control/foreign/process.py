@@ -54,7 +54,7 @@ MOST_GAINS = 10  # of its own: with their session they are shorter than a questi
 TEXT = 512  # bytes, of why a process gives no answer, which it sends in its place
 
 
-def told_gains(session: int, gains: Sequence[float]) -> bytes:
+def gains_message(session: int, gains: Sequence[float]) -> bytes:
     """The message that tells the gains of a session."""
     return struct.pack(f'={1 + len(gains)}dx', session, *gains)
 
@@ -97,7 +97,7 @@ class Loaded(Protocol):
         """
 
 
-def _told(error: BaseException) -> str:
+def _error_text(error: BaseException) -> str:
     known = isinstance(error, ParallelRobotError)
     return str(error) if known else first_line(error)
 
@@ -128,7 +128,7 @@ def main() -> None:
         said = {key: getattr(law, key) for key in ('period', 'multiples', 'aged', 'kinds')}
         channel.send(json.dumps(said).encode())
     except BaseException as error:  # whatever a law raises
-        channel.send(json.dumps({'refused': _told(error)}).encode())
+        channel.send(json.dumps({'refused': _error_text(error)}).encode())
         os._exit(1)
     with contextlib.suppress(ConnectionError):  # it has ended before it read an answer
         _serve(channel, law, joints, question, answer)
@@ -145,22 +145,22 @@ def _serve(channel: socket.socket, law: Loaded, joints: int, question: Any, answ
         if got % WORD:
             chosen[question[0]] = question[1 : got // WORD]
             continue
-        asked = question[numbers + SESSION], question[numbers + COUNT]
-        begins = asked[1] == 0.0
+        call = question[numbers + SESSION], question[numbers + COUNT]
+        begins = call[1] == 0.0
         try:
-            if not begins and asked != expected:
+            if not begins and call != expected:
                 raise ParallelRobotError(
                     'two runs ask the same process of a law: it has one memory'
                 )
             _preset(joints, question, answer)
             dt, age = question[numbers + DT], question[numbers + AGE]
-            fault = law.update(begins, dt, age, chosen.get(asked[0], ()))
+            fault = law.update(begins, dt, age, chosen.get(call[0], ()))
             answer[FAULT * joints] = fault
         except BaseException as error:
-            text = _told(error).encode()[:TEXT]
+            text = _error_text(error).encode()[:TEXT]
             channel.send(text + b' ' * (len(text) in (0, WORD * len(answer))))
             return
-        expected = asked[0], asked[1] + 1.0
+        expected = call[0], call[1] + 1.0
         channel.send(answer)
 
 

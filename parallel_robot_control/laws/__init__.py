@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 
 from parallel_robot_control.contract import Law
-from parallel_robot_model.processes.custom_module import classes_of, distinguish
+from parallel_robot_model.processes.custom_module import classes_of, qualify_type_names
 
 PAPER = ('smc', 's_smc', 'nftsmc', 's_fotsmc')  # Doan, Le, Vo (2019)
 FIRST = (  # in tables and menus; all others follow by their names
@@ -26,7 +26,7 @@ FIRST = (  # in tables and menus; all others follow by their names
 
 def _law(name: str) -> Law:
     law = Law.of(import_module(f'{__name__}.{name}'))
-    distinguish(*classes_of(law))  # before a kernel makes a tuple of one
+    qualify_type_names(*classes_of(law))  # before a kernel makes a tuple of one
     return law
 
 

@@ -14,7 +14,7 @@ from parallel_robot_model.compiler import select
 TITLE = 'adaptive S-FOTSMC'
 
 initial_memory = s_fotsmc.initial_memory
-judge = s_fotsmc.judge
+validate_gains = s_fotsmc.validate_gains
 INSIDE = 3.0  # width over the rms of the noise of S
 
 _without_switching = s_fotsmc.without_switching
@@ -34,7 +34,7 @@ class Gains(NamedTuple):
     gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
 
 
-def judge_noise(gains: Gains, noise: float, period: float) -> list[str]:
+def noise_warnings(gains: Gains, noise: float, period: float) -> list[str]:
     """Warn of gains that let noise alone drive the estimated gain to G_max.
 
     S = (v_k - v_(k-1)) / dt has the noise s = sqrt(2) noise / dt of two rates. Three times s are

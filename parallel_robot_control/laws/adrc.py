@@ -21,7 +21,7 @@ class Gains(NamedTuple):
     w_o: Annotated[float, Field('1/s', 'bandwidth of the observer', 1e-6)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Warn of an observer that is too slow for the controller."""
     if gains.w_o >= SLOWEST * gains.w_c:
         return []
@@ -88,7 +88,7 @@ def update(gains, model, reference, feedback, memory, dt):
         u    = thdd_d + w_c^2 (th_d - z1) + 2 w_c (thd_d - z2) - z3,   tau = M u + Q thd
 
     A and B are those of a torque that is held between two samples; with p = exp(-w_o dt), L =
-    (1 - p^3, 3 (1 - p)^2 (1 + p) / (2 dt), (1 - p)^3 / dt^2). The observer is told of the applied
+    (1 - p^3, 3 (1 - p)^2 (1 + p) / (2 dt), (1 - p)^3 / dt^2). The observer knows the applied
     torque, u - M^-1 excess, so z3 does not wind up while the torque is limited. The measured
     rates enter only Q thd and the first sample.
 

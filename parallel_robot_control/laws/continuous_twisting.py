@@ -21,7 +21,7 @@ class Gains(NamedTuple):
     k4: Annotated[float, Field('rad/s^3', 'gain of the sign of its rate, integrated', 0.0)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Refuse gains without which the error would not reach zero in finite time.
 
     Raises:

@@ -30,7 +30,7 @@ class Gains(NamedTuple):
     u: Annotated[float, Field('rad/s', 'thickness of the boundary layer', 1e-6)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Refuse gains without a settling time.
 
     Raises:

@@ -10,7 +10,7 @@ from parallel_robot_control.laws import s_fotsmc
 TITLE = 'FOTSMC'
 
 initial_memory = s_fotsmc.initial_memory
-judge = s_fotsmc.judge
+validate_gains = s_fotsmc.validate_gains
 _coupled = s_fotsmc.update
 
 

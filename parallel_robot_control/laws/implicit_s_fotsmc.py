@@ -11,7 +11,7 @@ TITLE = 'implicit S-FOTSMC'
 
 Gains = s_fotsmc.Gains
 initial_memory = s_fotsmc.initial_memory
-judge = s_fotsmc.judge
+validate_gains = s_fotsmc.validate_gains
 
 
 @kernel

@@ -29,7 +29,7 @@ class Gains(NamedTuple):
     u: Annotated[float, Field('', 'thickness of the boundary layer, unit of S', 1e-6)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Warn of exponents outside the condition under which the surface is proved.
 
     The exponents of Table 2 violate the condition printed for them, so this is a warning.

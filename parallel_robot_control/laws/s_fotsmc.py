@@ -40,7 +40,7 @@ class Gains(NamedTuple):
     gamma2: Annotated[float, Field('', 'exponent of its rate', 0.0, 1.0)]
 
 
-def judge(gains: Any) -> list[str]:
+def validate_gains(gains: Any) -> list[str]:
     """Refuse gains that the theory of the full-order surface forbids.
 
     Args:

@@ -14,7 +14,7 @@ from parallel_robot_model.compiler import select
 TITLE = 'S-FOTSMC-FT'
 
 initial_memory = s_fotsmc.initial_memory
-judge = s_fotsmc.judge
+validate_gains = s_fotsmc.validate_gains
 
 
 class Gains(NamedTuple):

@@ -40,7 +40,7 @@ class Gains(NamedTuple):
     u: Annotated[float, Field('rad', 'thickness of the boundary layer', 1e-9)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Refuse exponents for which the surface is not proved.
 
     Raises:

@@ -22,7 +22,7 @@ class Gains(NamedTuple):
     Kd: Annotated[float, Field('1/s', 'gain of its rate', 0.0)]
 
 
-def judge(gains: Gains) -> list[str]:
+def validate_gains(gains: Gains) -> list[str]:
     """Refuse gains with which the error would not vanish.
 
     Whether Mbar is small enough depends on the robot and is not judged here.

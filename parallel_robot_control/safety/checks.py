@@ -18,7 +18,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import (
     clip,
     every,
-    inner,
+    internal,
     kernel,
     largest,
     multiply,
@@ -41,18 +41,18 @@ JUMP = 2.0  # tolerances: a single way so much longer than its rate says is a ju
 LAG = 0.25  # share of the ways by which they may differ: rates may be filtered
 
 
-class WaysMemory(NamedTuple):
+class ConsistencyMemory(NamedTuple):
     """Ways and rates of the last hundredths of a second, as a Struct; each shape (n,) [rad]."""
 
-    in_doubt: bool  # whether they are apart at all; if not, what follows does not count
-    apart: Array  # ways less integrals of rates
+    differs: bool  # whether they differ at all; if not, what follows does not count
+    difference: Array  # ways less integrals of rates
     by_position: Array  # ways
     by_rate: Array  # integrals of the magnitudes of rates
     still: Array  # integral of the rate since the position has not changed
     unsaid: Array  # way since the rate has been zero
 
 
-@inner
+@internal
 def inconsistent(setup: Any, position: Array, velocity: Array, comparable: bool, dt: float) -> int:
     """The fault of states whose positions and rates contradict each other, else NONE.
 
@@ -63,28 +63,30 @@ def inconsistent(setup: Any, position: Array, velocity: Array, comparable: bool,
         comparable: Whether there was a state not long before, and rates are measured.
         dt: Time since then [s].
     """
-    memory, tolerance = setup.memory.ways, setup.safety.rate_tolerance
-    went, told = position - setup.memory.state.position, dt * velocity
-    fresh = not (comparable and memory.in_doubt)
-    if comparable and fresh and every(np.abs(went - told) <= ALIKE * tolerance):
+    memory, tolerance = setup.memory.consistency, setup.safety.rate_tolerance
+    displacement, integrated = position - setup.memory.state.position, dt * velocity
+    fresh = not (comparable and memory.differs)
+    if comparable and fresh and every(np.abs(displacement - integrated) <= ALIKE * tolerance):
         return faults.NONE
     zero = np.zeros_like(position)
     if fresh:
-        memory.apart, memory.by_position, memory.by_rate = zero, zero, zero
+        memory.difference, memory.by_position, memory.by_rate = zero, zero, zero
         memory.still, memory.unsaid = zero, zero
-    memory.in_doubt = comparable
+    memory.differs = comparable
     if not comparable:
         return faults.NONE
-    jumped = np.abs(went) > JUMP * tolerance + (1.0 + LAG) * np.abs(told)
+    jumped = np.abs(displacement) > JUMP * tolerance + (1.0 + LAG) * np.abs(integrated)
     left, most = WINDOW / (WINDOW + dt), SHARE * tolerance
-    went, told = clip(went, -most, most), clip(told, -most, most)
-    told = select(told - told == 0.0, told, went)  # what is not finite is another fault
-    apart = left * (memory.apart + went - told)
-    by_position = left * (memory.by_position + np.abs(went))
-    by_rate = left * (memory.by_rate + np.abs(told))
-    still = select(went == 0.0, memory.still + told, zero)
-    unsaid = select(told == 0.0, memory.unsaid + went, zero)
-    memory.apart, memory.by_position, memory.by_rate = apart, by_position, by_rate
+    displacement, integrated = clip(displacement, -most, most), clip(integrated, -most, most)
+    integrated = select(
+        integrated - integrated == 0.0, integrated, displacement
+    )  # what is not finite is another fault
+    apart = left * (memory.difference + displacement - integrated)
+    by_position = left * (memory.by_position + np.abs(displacement))
+    by_rate = left * (memory.by_rate + np.abs(integrated))
+    still = select(displacement == 0.0, memory.still + integrated, zero)
+    unsaid = select(integrated == 0.0, memory.unsaid + displacement, zero)
+    memory.difference, memory.by_position, memory.by_rate = apart, by_position, by_rate
     memory.still, memory.unsaid = still, unsaid
     wrong = np.abs(apart) > tolerance + LAG * (by_position + by_rate)
     wrong = wrong | (np.abs(unsaid) > tolerance)
@@ -92,27 +94,27 @@ def inconsistent(setup: Any, position: Array, velocity: Array, comparable: bool,
     fault = select(some(np.abs(still) > tolerance), faults.POSITIONS_FROZEN, fault)
     fault = select(some(jumped), faults.POSITION_JUMP, fault)
     if every(np.abs(apart) + np.abs(still) + np.abs(unsaid) <= ALIKE * tolerance):
-        memory.in_doubt = False
+        memory.differs = False
     return fault
 
 
-# Whether the torque that is asked for acts: the effort that a state tells, beside the commands.
+# Whether the commanded torque acts: the measured effort of a state beside the commands.
 #
-# Strangers, lost commands, motors that are off, clipped or dead, and brakes have one sign in
-# common: the effort is none of the torques that were commanded lately. A command may act late, and
-# a motor may lag; then the effort still lies between the commands of the last samples.
+# Competing publishers, lost commands, motors that are off, clipped or dead, and brakes have one
+# sign in common: the effort is none of the torques that were commanded lately. A command may act
+# late, and a motor may lag; then the effort still lies between the commands of the last samples.
 
 LATELY, SOON = 32, 8  # samples within which a command acts; where none has acted yet
-TOLD = 0.02  # s of a spell after which it is told, and its end is a way back
+MIN_OUTAGE = 0.02  # s of an outage after which it is reported, and its end is a return
 PROOF = 2.0  # tolerances of an effort that proves, if it was commanded, that the motors obey
 OBEYED, MISSING, FORGETTING, UNPROVEN = range(4)  # what the memory knows of them
-FORGETS = 0.5  # s by which a second of obedience shortens a spell: strangers may alternate
+FORGETS = 0.5  # s by which a second of obedience shortens an outage: publishers may alternate
 
 
 class ArrivalMemory(NamedTuple):
     """What is remembered of the torques that arrived, as a Struct."""
 
-    spell: float  # for how long torque has been missing [s]
+    outage: float  # for how long torque has been missing [s]
     motors: int  # OBEYED, MISSING, FORGETTING or UNPROVEN
 
 
@@ -121,13 +123,15 @@ class Arrival(NamedTuple):
 
     # torque commanded less torque that acted [N m], shape (n,); zero where it acted
     missing: Array
-    spell: float  # for how long torque has been missing [s]; 0 while it acts
-    back: bool  # whether the law begins anew: torque acts again after a spell, or has never acted
+    outage: float  # for how long torque has been missing [s]; 0 while it acts
+    restart: (
+        bool  # whether the law begins anew: torque acts again after an outage, or has never acted
+    )
     waits: bool  # whether no torque has acted since the start: drives may be enabled late
 
 
-@inner
-def arrival(setup: Any, effort: Array, when: When, known: bool, comparable: bool) -> Arrival:
+@internal
+def arrival(setup: Any, effort: Array, when: When, initialized: bool, comparable: bool) -> Arrival:
     """Compare the effort that a state tells with the commands of the last samples.
 
     Args:
@@ -135,46 +139,47 @@ def arrival(setup: Any, effort: Array, when: When, known: bool, comparable: bool
         effort: Torque of the period that ended at the measurement [N m], shape (n,); NaN where it
             is not known.
         when: Times of the cycle.
-        known: Whether there was a state before.
-        comparable: Whether there was one not long before; if not, what acts is what is told.
+        initialized: Whether there was a state before.
+        comparable: Whether there was one not long before; if not, the measured effort is taken for
+            the one that acts.
     """
     memory, torques = setup.memory.arrival, setup.memory.torques
     tolerance, period, dt = setup.safety.effort_tolerance, setup.period, when.dt
     nothing, newest, before = np.zeros_like(effort), torques.newest, memory.motors
     if not comparable or when.sample < newest:  # nothing was commanded lately
         recent_torques.fill(torques, select(effort - effort == 0.0, effort, nothing))
-        memory.spell = 0.0
-        memory.motors = select(known and before != UNPROVEN, OBEYED, UNPROVEN)
+        memory.outage = 0.0
+        memory.motors = select(initialized and before != UNPROVEN, OBEYED, UNPROVEN)
         return Arrival(nothing, 0.0, False, False)
     # 1. The usual case: the last command acted.
     last = when.sample - 1
     if when.age > 0.0:
         last -= int(when.age / period + 0.5)
     last = select(last > newest, newest, last)
-    asked, spell = recent_torques.torque_at(torques, last), memory.spell
-    apart = some(np.abs(asked - effort) > tolerance)
-    if not apart and before == OBEYED:
+    commanded, outage = recent_torques.torque_at(torques, last), memory.outage
+    differs = some(np.abs(commanded - effort) > tolerance)
+    if not differs and before == OBEYED:
         return Arrival(nothing, 0.0, False, False)
     # 2. A late command, or one behind a lag, is none that is missing.
     unproven, missing, lost = before == UNPROVEN, nothing, False
-    if apart:
-        low, high = asked, asked
-        for k in range(last - select(unproven and spell > 0.0, SOON, LATELY), newest + 1):
+    if differs:
+        low, high = commanded, commanded
+        for k in range(last - select(unproven and outage > 0.0, SOON, LATELY), newest + 1):
             torque = recent_torques.torque_at(torques, k)
             low, high = select(torque < low, torque, low), select(torque > high, torque, high)
         outside = np.abs(clip(effort, low, high) - effort) > tolerance
-        missing = select(outside, asked - effort, nothing)
+        missing = select(outside, commanded - effort, nothing)
         lost = some(outside)
     # 3. How long torque has been missing, and whether any has ever acted.
     step = select(dt < period * LATELY, dt, period)
     waits = unproven and (lost or not some(np.abs(effort) > PROOF * tolerance))
-    misses = lost or (waits and spell > 0.0)
-    spell = select(misses, spell + step, spell - FORGETS * step)
-    spell = select(spell > 0.0, spell, 0.0)
-    now = select(lost, MISSING, select(spell > 0.0, FORGETTING, OBEYED))
-    memory.spell, memory.motors = spell, select(waits, UNPROVEN, now)
-    again = not misses and spell >= TOLD and (unproven or before == MISSING)
-    return Arrival(missing, select(misses, spell, 0.0), again or (waits and lost), waits)
+    misses = lost or (waits and outage > 0.0)
+    outage = select(misses, outage + step, outage - FORGETS * step)
+    outage = select(outage > 0.0, outage, 0.0)
+    now = select(lost, MISSING, select(outage > 0.0, FORGETTING, OBEYED))
+    memory.outage, memory.motors = outage, select(waits, UNPROVEN, now)
+    restart = not misses and outage >= MIN_OUTAGE and (unproven or before == MISSING)
+    return Arrival(missing, select(misses, outage, 0.0), restart or (waits and lost), waits)
 
 
 # Whether torque moves the robot as it should, by the momentum observer.
@@ -199,7 +204,7 @@ class MomentumMemory(NamedTuple):
     lasted: float  # for how long the residual was at the limit [s]
 
 
-@inner
+@internal
 def is_resisted(
     setup: Any, model: Model, velocity: Array, torque: Array, when: When, comparable: bool
 ) -> bool:
@@ -254,13 +259,15 @@ def damping_of(safety: Any, velocity: Array) -> Array:
 
 
 @kernel
-def way_to_rest(safety: Any, momentum: Array) -> float:
+def stopping_distance(safety: Any, momentum: Array) -> float:
     """Longest way of a joint to rest, D^-1 M v, with M held and no torque limit [rad]."""
     return largest(momentum / safety.damping)
 
 
-@inner
-def too_fast(setup: Any, position: Array, velocity: Array, found: Estimate, late: float) -> bool:
+@internal
+def too_fast(
+    setup: Any, position: Array, velocity: Array, estimate: Estimate, late: float
+) -> bool:
     """Whether the robot could not be brought to rest without a fault of its own.
 
     M vd + Q v = -D v in steps of the midpoint rule, implicit in D; the model at the middle of one
@@ -271,10 +278,10 @@ def too_fast(setup: Any, position: Array, velocity: Array, found: Estimate, late
         setup: The ControlSetup.
         position: Measured angles [rad], shape (n,).
         velocity: Measured rates [rad/s], shape (n,).
-        found: The estimate there; no fault.
+        estimate: The estimate there; no fault.
         late: Age of the state [s].
     """
-    safety, momentum = setup.safety, multiply(found.model.M, velocity)
+    safety, momentum = setup.safety, multiply(estimate.model.M, velocity)
     if safety.action == ZERO or not every((safety.damping > 0.0) & (safety.torque_limit > 0)):
         return False
     # 1. The motion goes on until the torque has turned round.
@@ -283,24 +290,26 @@ def too_fast(setup: Any, position: Array, velocity: Array, found: Estimate, late
     position = position + (late + turning) * velocity
     # 2. The way to rest.
     for _ in range(STEPS):
-        damping, drift = damping_of(safety, velocity), multiply(found.model.Q, velocity)
+        damping, drift = damping_of(safety, velocity), multiply(estimate.model.Q, velocity)
         size = largest(momentum)
         step = min(
             BRAKED * size / largest(damping * velocity),
             TURNED * size / largest(drift),
         )
-        M = found.model.M + np.diag((0.5 * step) * damping)
+        M = estimate.model.M + np.diag((0.5 * step) * damping)
         halfway = solve(M, momentum - (0.5 * step) * drift)
         middle = position + (0.5 * step) * velocity
-        found = setup.ahead(setup.robot, setup.margins, middle, halfway, found.pose)
-        if found.fault != FOUND:
+        estimate = setup.estimate_coarse(
+            setup.robot, setup.margins, middle, halfway, estimate.pose
+        )
+        if estimate.fault != FOUND:
             return True
         damping = damping_of(safety, halfway)
-        M = found.model.M + np.diag((0.5 * step) * damping)
-        lost = multiply(found.model.Q, halfway) + damping * velocity
+        M = estimate.model.M + np.diag((0.5 * step) * damping)
+        lost = multiply(estimate.model.Q, halfway) + damping * velocity
         position = position + step * halfway
         velocity = velocity - step * solve(M, lost)
-        momentum = multiply(found.model.M, velocity)
-        if not way_to_rest(safety, momentum) > SHORT:
+        momentum = multiply(estimate.model.M, velocity)
+        if not stopping_distance(safety, momentum) > SHORT:
             return False
     return True

@@ -48,7 +48,7 @@ class ClampedEfforts:
         """
         self._noted.append((effort.copy(), torque.copy(), velocity.copy()))
 
-    def told(self) -> str:
+    def warning(self) -> str:
         """Which joint has them, of the states noted until now; empty for none."""
         if len(self._noted) < LEAST:
             return ''
@@ -98,11 +98,11 @@ def _cut_at(effort: Array, torque: Array, velocity: Array, tolerance: float) -> 
         velocity: Measured rates [rad/s], shape (N,).
         tolerance: Difference that does not count [N m].
     """
-    asked = float(torque[-1])
-    stays = (torque == asked) & (asked * velocity > 0.0) & (abs(asked) > tolerance)
+    command = float(torque[-1])
+    stays = (torque == command) & (command * velocity > 0.0) & (abs(command) > tolerance)
     speed = np.abs(velocity[stays & (np.abs(effort) <= STILL * tolerance)])
-    acts = stays & (np.abs(effort - asked) <= STILL * tolerance)
-    if len(speed) < LEAST or not acts.any():
+    applied = stays & (np.abs(effort - command) <= STILL * tolerance)
+    if len(speed) < LEAST or not applied.any():
         return 0.0
     usual = float(np.median(speed))
     return usual if np.ptp(speed) < usual else 0.0

@@ -13,25 +13,25 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
-from parallel_robot_model.compiler import as_constants, clip, inlined, kernel, select, some
+from parallel_robot_model.compiler import as_constants, clip, inline_ir, kernel, select, some
 
 TORQUE, RATE, RAMP, EFFORT, REFERENCE = 1, 2, 4, 8, 16  # bits of the limits that acted
-ACTED_TEXT = {
+LIMIT_TEXT = {
     TORQUE: 'torque limit',
     RATE: 'torque rate limit',
     RAMP: 'ramp after a take-over',
     EFFORT: 'motors that do not apply the torque',
     REFERENCE: 'no new reference',
 }
-ACTED_CODE = {
+LIMIT_CODE = {
     TORQUE: 'torque',
     RATE: 'rate',
     RAMP: 'ramp',
     EFFORT: 'effort',
     REFERENCE: 'reference',
 }  # in bags: never changed
-OVERDUE = 0.1  # s, age of a reference above which it is told
-QUIET = 1.0  # s without limits, after which they are told anew
+OVERDUE = 0.1  # s, age of a reference above which it is reported
+QUIET = 1.0  # s without limits, after which they are reported anew
 ZERO, HOLD = 0, 2  # places of the words of SafetyParameters.action
 LEAST = 3.5  # periods, of a gap
 
@@ -66,16 +66,16 @@ class When(NamedTuple):
 
 
 @kernel
-def safe_torque(safety: Any, held: Array, position: Array, velocity: Array) -> Array:
-    """Torque of the safe action: zero, damping, or also stiffness to `held` [N m], shape (n,)."""
+def safe_torque(safety: Any, fault_position: Array, position: Array, velocity: Array) -> Array:
+    """Torque of the safe action [N m]: zero, damping, or a spring to `fault_position` as well."""
     damping = -safety.damping * velocity
     torque = select(safety.action == ZERO, np.zeros_like(velocity), damping)
-    sprung = torque + safety.stiffness * (held - position)
+    sprung = torque + safety.stiffness * (fault_position - position)
     torque = select(safety.action == HOLD, sprung, torque)
     return select(torque - torque == 0.0, torque, 0.0)  # zero where it is not finite
 
 
-@inlined
+@inline_ir
 def find_fault(
     safety: Any,
     state: Any,
@@ -98,8 +98,8 @@ def find_fault(
     """
     reach = safety.speed_limit * dt
     later = safety.speed_limit * select(since > dt, since, dt)
-    jumped = state.known & (np.abs(position - state.position) > reach)
-    led = state.known & (np.abs(reference.position - state.reference) > later)
+    jumped = state.initialized & (np.abs(position - state.position) > reach)
+    led = state.initialized & (np.abs(reference.position - state.reference) > later)
     fault = select(led, faults.REFERENCE_JUMP, faults.NONE)
     fault = select(jumped, faults.POSITION_JUMP, fault)
     fault = select(np.abs(velocity) > safety.speed_limit, faults.SPEED, fault)
@@ -109,7 +109,7 @@ def find_fault(
     return first
 
 
-@inlined
+@inline_ir
 def limit_torque(
     safety: Any, demand: Array, state: Any, period: float, dt: float
 ) -> tuple[Array, Array, Array, int]:
@@ -132,10 +132,10 @@ def limit_torque(
     """
     start = clip(state.torque, -safety.torque_limit, safety.torque_limit)
     # 1. Take-over: offset = demand - start, faded at the ramp rate, sample by sample.
-    offset = select(state.takes_over, demand - start, state.offset)
+    offset = select(state.bumpless, demand - start, state.offset)
     ramped = some(offset != 0.0)
-    left = np.abs(offset) - safety.ramp_rate * period
-    offset = np.copysign(select(left > 0.0, left, 0.0), offset)
+    remaining = np.abs(offset) - safety.ramp_rate * period
+    offset = np.copysign(select(remaining > 0.0, remaining, 0.0), offset)
     wanted = demand - offset
     # 2. Torque limit: |torque| <= limit.
     limited = clip(wanted, -safety.torque_limit, safety.torque_limit)
@@ -144,12 +144,12 @@ def limit_torque(
     fastest = safety.torque_rate * dt
     fast = np.abs(step) > fastest
     torque = select(fast, start + np.copysign(fastest, step), limited)
-    acted = (
+    active_limits = (
         select(ramped, RAMP, 0)
         + select(some(limited != wanted), TORQUE, 0)
         + select(some(fast), RATE, 0)
     )
-    return torque, wanted - torque, offset, acted
+    return torque, wanted - torque, offset, active_limits
 
 
 # Whether the safety limits leave room for the sine of the lock-in.
@@ -176,20 +176,20 @@ def check_lock_in(
     """
     torque, frequency = np.asarray(lock_in.torque), 2.0 * math.pi * lock_in.frequency
     speed = np.abs(np.linalg.solve(inertia, torque)) / frequency
-    for takes, key, unit in (
+    for needed, key, unit in (
         (torque, 'torque_limit', 'N m'),
         (frequency * torque, 'torque_rate', 'N m/s'),
         (speed, 'speed_limit', 'rad/s'),
     ):
         limit = getattr(safety, key)
-        over = np.flatnonzero(takes > LIMIT_SHARE * np.asarray(limit))
+        over = np.flatnonzero(needed > LIMIT_SHARE * np.asarray(limit))
         if over.size:
             i = int(over[0])
-            value = float(torque[i]) * LIMIT_SHARE * float(limit[i]) / float(takes[i])
-            told = units.one(i).of
+            value = float(torque[i]) * LIMIT_SHARE * float(limit[i]) / float(needed[i])
+            word = units.one(i).of
             raise InputError(
-                f'lock_in.torque must be at most {value:.3g} {told("N m")} at joint {i + 1}, not '
-                f'{torque[i]:g}: it takes {takes[i]:.3g} {told(unit)} of safety.{key}, '
+                f'lock_in.torque must be at most {value:.3g} {word("N m")} at joint {i + 1}, not '
+                f'{torque[i]:g}: it takes {needed[i]:.3g} {word(unit)} of safety.{key}, '
                 f'{limit[i]:g}',
                 'lock_in.torque',
             )

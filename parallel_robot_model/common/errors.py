@@ -31,7 +31,7 @@ def clean(text: str) -> str:
     return ''.join(c if c.isprintable() else '\N{REPLACEMENT CHARACTER}' for c in text)
 
 
-def apart(value: float, limit: float, digits: int = 3) -> tuple[str, str]:
+def distinct_texts(value: float, limit: float, digits: int = 3) -> tuple[str, str]:
     """Two numbers with as many digits as it takes to see which is larger.
 
     Args:
@@ -71,14 +71,14 @@ class DescriptionWarning(UserWarning):
     """What the file of a machine says and the suite leaves out, or what of it is doubtful."""
 
 
-def tell_descriptions(tell: Callable[[str], object]) -> None:
+def redirect_description_warnings(handler: Callable[[str], object]) -> None:
     """Let a function take the lines of each DescriptionWarning, until warnings are reset."""
     usual: Any = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
         if issubclass(category, DescriptionWarning):
             for line in str(message).split('\n'):
-                tell(line)
+                handler(line)
         else:
             usual(message, category, *place)
 

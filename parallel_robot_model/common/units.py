@@ -93,7 +93,7 @@ class JointUnits(NamedTuple):
         return JointUnits(self.slides[joint : joint + 1])
 
 
-HINGES, SLIDES, BOTH = JointUnits(), JointUnits((True,)), JointUnits((False, True))
+HINGES, PRISMATIC, BOTH = JointUnits(), JointUnits((True,)), JointUnits((False, True))
 
 
 def all_of(units: Iterable[JointUnits]) -> JointUnits:

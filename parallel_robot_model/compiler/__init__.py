@@ -1,17 +1,17 @@
 """The compiler: what kernels are made of. Its submodules are nobody else's business.
 
 Laws and robots
-    ``kernel`` compiles a function; ``inner`` one that only kernels call, ``inlined`` one that
+    ``kernel`` compiles a function; ``internal`` one that only kernels call, ``inline_ir`` one that
     becomes a part of its caller. ``vector`` makes a vector, a value of a fixed size that kernels
     compute with as with a number; ``select``, ``every``, ``some``, ``is_finite`` and ``clip``
     decide by element, ``largest`` is the magnitude of one, ``dot``, ``cross``, ``multiply`` and
     ``solve`` are linear algebra.
 Loops
     ``read_row`` and ``write_row`` reach the rows of arrays, ``read_at`` and ``write_at`` memory by
-    its address, a ``Space``; ``send``, ``poll``, ``recv`` and ``shutdown`` are those of libc.
-    ``FirstClass`` makes a kernel a value that other kernels take,
-    ``composed`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
-    its address, of type ``ANY`` where only that is needed; ``as_constants`` is how they read
+    its address, a ``FloatBuffer``; ``send``, ``poll``, ``recv`` and ``shutdown`` are those of
+    libc. ``FunctionValue`` makes a kernel a value that other kernels take,
+    ``specialize`` one that has others inside; ``Boxed`` makes a tuple a constant that they take by
+    its address, of type ``OPAQUE`` where only that is needed; ``as_constants`` is how they read
     parameters; ``entry_point`` makes a kernel one that is called from Python without a look at its
     types. A ``Struct`` is memory whose fields kernels and Python read and write by their names,
     ``zeros_of`` what is in one at first.
@@ -25,9 +25,9 @@ Python
 """
 
 from parallel_robot_model.compiler.boxed import (
-    ANY,
+    OPAQUE,
     Boxed,
-    FirstClass,
+    FunctionValue,
     Struct,
     as_constants,
     plain_type,
@@ -35,13 +35,13 @@ from parallel_robot_model.compiler.boxed import (
 )
 from parallel_robot_model.compiler.elementary.names import arctangent, cosine, sine
 from parallel_robot_model.compiler.kernels import (
-    composed,
     entry_point,
-    inlined,
-    inner,
+    inline_ir,
+    internal,
     kernel,
     need_compiler,
     reason,
+    specialize,
 )
 from parallel_robot_model.compiler.linear_algebra import (
     cross,
@@ -52,7 +52,7 @@ from parallel_robot_model.compiler.linear_algebra import (
     solve_sparse,
 )
 from parallel_robot_model.compiler.memory import (
-    Space,
+    FloatBuffer,
     poll,
     read_at,
     recv,
@@ -90,11 +90,56 @@ from parallel_robot_model.compiler.vectors import (
 )
 
 __all__ = [
-    'ANY', 'INTERPRETED', 'Boxed', 'FirstClass', 'Image', 'Leaf', 'NativeObject', 'Space',
-    'Struct', 'Vector', 'VectorType', 'arctangent', 'arrays_of', 'as_arrays', 'as_constants',
-    'as_vectors', 'clip', 'composed', 'cosine', 'cross', 'dot', 'entry_point', 'every',
-    'inlined', 'inner', 'is_finite', 'kernel', 'largest', 'leaves', 'multiply',
-    'native_object', 'need_compiler', 'plain_type', 'poll', 'read_at', 'read_row', 'reason',
-    'recv', 'select', 'send', 'shape_of', 'shutdown', 'sine', 'solve', 'solve_full',
-    'solve_sparse', 'some', 'vector', 'vectors_of', 'write_at', 'write_row', 'zeros_of',
+    'INTERPRETED',
+    'OPAQUE',
+    'Boxed',
+    'FloatBuffer',
+    'FunctionValue',
+    'Image',
+    'Leaf',
+    'NativeObject',
+    'Struct',
+    'Vector',
+    'VectorType',
+    'arctangent',
+    'arrays_of',
+    'as_arrays',
+    'as_constants',
+    'as_vectors',
+    'clip',
+    'cosine',
+    'cross',
+    'dot',
+    'entry_point',
+    'every',
+    'inline_ir',
+    'internal',
+    'is_finite',
+    'kernel',
+    'largest',
+    'leaves',
+    'multiply',
+    'native_object',
+    'need_compiler',
+    'plain_type',
+    'poll',
+    'read_at',
+    'read_row',
+    'reason',
+    'recv',
+    'select',
+    'send',
+    'shape_of',
+    'shutdown',
+    'sine',
+    'solve',
+    'solve_full',
+    'solve_sparse',
+    'some',
+    'specialize',
+    'vector',
+    'vectors_of',
+    'write_at',
+    'write_row',
+    'zeros_of',
 ]  # fmt: skip

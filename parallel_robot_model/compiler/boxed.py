@@ -79,14 +79,14 @@ def plain(value: Any) -> Any:
     return 0 if value is None else value
 
 
-def read_plain(record: Any, like: Any) -> Any:
-    """A value as it lies in memory, of the type of `like`, with what of `like` lies elsewhere."""
-    if isinstance(like, tuple):
-        parts = [read_plain(record[k], part) for k, part in enumerate(like)]
-        return type(like)(*parts) if hasattr(like, '_fields') else tuple(parts)
-    if isinstance(like, Vector):
+def read_plain(record: Any, template: Any) -> Any:
+    """A value in memory as one of the type of `template`, which keeps its references."""
+    if isinstance(template, tuple):
+        parts = [read_plain(record[k], part) for k, part in enumerate(template)]
+        return type(template)(*parts) if hasattr(template, '_fields') else tuple(parts)
+    if isinstance(template, Vector):
         return np.array(record).view(Vector)
-    return like if like is None or _lies_elsewhere(like) else record.item()
+    return template if template is None or _is_reference(template) else record.item()
 
 
 # Kernels as values, for kernels that take a function.
@@ -107,7 +107,7 @@ class _FunctionType(types.FunctionType):  # type: ignore[misc]
 register_model(_FunctionType)(FunctionModel)
 
 
-class FirstClass:
+class FunctionValue:
     """A kernel as a value: its machine code, by address, for kernels that take a function.
 
     A kernel that takes one is compiled once for the signature, not again for every function, and
@@ -139,7 +139,7 @@ class FirstClass:
         """How it lies in memory, see FunctionModel."""
         return self._address, id(self), 0
 
-    def erased(self, kind: Any) -> FirstClass:
+    def type_erased(self, kind: Any) -> FunctionValue:
         """The same with another type of its first argument, as wide as its own."""
         if INTERPRETED:
             return self
@@ -175,14 +175,14 @@ class BoxedType(types.Type):  # type: ignore[misc]
         return self.content
 
 
-WHOLE = 'value'  # what kernels call all fields of a Struct
+ALL_FIELDS = 'value'  # what kernels call all fields of a Struct
 
 
 class StructType(BoxedType):
     """Numba's type of a Struct."""
 
 
-ANY = BoxedType(types.none)  # of one whose tuple is not known
+OPAQUE = BoxedType(types.none)  # of one whose tuple is not known
 
 
 @register_model(BoxedType)
@@ -204,7 +204,7 @@ class Boxed:
             kind: Its type for kernels: ANY; None: that of the tuple.
         """
         if INTERPRETED:
-            self._value, self._numba_type_ = divisible(value), ANY
+            self._value, self._numba_type_ = divisible(value), OPAQUE
             return
         self._value = value
         self._numba_type_ = kind or self._type(typeof(value))
@@ -253,7 +253,7 @@ class Struct(Boxed):
         if INTERPRETED:
             return
         for k, (name, each) in enumerate(zip(value._fields, value, strict=True)):
-            if _lies_elsewhere(each):
+            if _is_reference(each):
                 self.__dict__[name] = each
             else:
                 self._views[name] = self._record[f'f{k}']
@@ -266,7 +266,7 @@ class Struct(Boxed):
     @value.setter
     def value(self, new: Any) -> None:
         for name, before, each in zip(self._value._fields, self._value, new, strict=True):
-            if not _lies_elsewhere(before):
+            if not _is_reference(before):
                 setattr(self, name, each)
 
     def __getattr__(self, name: str) -> Any:
@@ -295,7 +295,7 @@ class Struct(Boxed):
         for name, each, saved in zip(self.value._fields, self.value, copy, strict=True):
             if isinstance(each, Struct):
                 each.restore(saved)
-            elif not _lies_elsewhere(each):
+            elif not _is_reference(each):
                 setattr(self, name, saved)
             elif isinstance(each, np.ndarray):
                 each[:] = saved
@@ -313,17 +313,17 @@ def zeros_of(kind: Any, zero: Array) -> Any:
     return kind(*(zeros_of(each, zero) for each in _hints(kind).values()))
 
 
-def _lies_elsewhere(value: Any) -> bool:
+def _is_reference(value: Any) -> bool:
     """Whether a Struct has but the address of a value."""
     is_array = isinstance(value, np.ndarray) and not isinstance(value, Vector)
-    return is_array or isinstance(value, Boxed | FirstClass)
+    return is_array or isinstance(value, Boxed | FunctionValue)
 
 
 def _plain(value: Any) -> Any:
     """A value with addresses in place of what lies elsewhere."""
     if isinstance(value, tuple):
         return tuple(map(_plain, value))
-    if isinstance(value, FirstClass):
+    if isinstance(value, FunctionValue):
         return value.fields
     if isinstance(value, np.ndarray) and not isinstance(value, Vector):
         # no owner and no parent: it lives as long as the Boxed
@@ -347,18 +347,18 @@ def _write(value: Any, address: int) -> None:
 def _write_in_kernels(context: Any, value: Any, address: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = context.get_value_type(value).as_pointer()
-        copy = _held(context, builder, value, values[0])
+        copy = _owned(context, builder, value, values[0])
         builder.store(copy, builder.inttoptr(values[1], pointer))
         return context.get_dummy_value()
 
     return types.none(value, types.intp), generate
 
 
-def _held(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def _owned(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     """Emit a copy of a value that owns its texts; its arrays live as long as the Boxed."""
     if isinstance(kind, types.BaseTuple):
         for i, part in enumerate(kind.types):
-            held = _held(context, builder, part, builder.extract_value(value, i))
+            held = _owned(context, builder, part, builder.extract_value(value, i))
             value = builder.insert_value(value, held, i)
         return value
     if isinstance(kind, types.Array):
@@ -393,12 +393,12 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
         fields = getattr(kind.content, 'fields', ())
         if name in fields:
             return kind.content[fields.index(name)]
-        return kind.content if name == WHOLE and isinstance(kind, StructType) else None
+        return kind.content if name == ALL_FIELDS and isinstance(kind, StructType) else None
 
 
 @lower_getattr_generic(BoxedType)
 def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
-    inner, place = _place(context, builder, kind, value, name)
+    inner, place = _field_pointer(context, builder, kind, value, name)
     loaded = builder.load(place)
     if not isinstance(kind, StructType):  # may be read once
         loaded.set_metadata('invariant.load', builder.module.add_metadata([]))
@@ -407,12 +407,14 @@ def _field(context: Any, builder: Any, kind: Any, value: Any, name: str) -> Any:
 
 @lower_setattr_generic(StructType)
 def _set_field(context: Any, builder: Any, signature: Any, values: Any, name: str) -> None:
-    kind, given = signature.args
-    inner, place = _place(context, builder, kind, values[0], name)
-    builder.store(context.cast(builder, values[1], given, inner), place)
+    kind, source = signature.args
+    inner, place = _field_pointer(context, builder, kind, values[0], name)
+    builder.store(context.cast(builder, values[1], source, inner), place)
 
 
-def _place(context: Any, builder: Any, kind: Any, value: Any, name: str) -> tuple[Any, Any]:
+def _field_pointer(
+    context: Any, builder: Any, kind: Any, value: Any, name: str
+) -> tuple[Any, Any]:
     """Type of a field, and emit a pointer to it."""
     content = kind.content
     start = builder.bitcast(value, context.get_value_type(content).as_pointer())

@@ -99,11 +99,11 @@ class _Files(CompileResultCacheImpl):  # type: ignore[misc]
         self._filename_base = self.get_filename_base(name, getattr(sys, 'abiflags', ''))
 
     def reduce(self, compiled: Any) -> Any:
-        """What is kept of a compiled function."""
+        """What is saved of a compiled function."""
         return symbols_of(compiled), super().reduce(compiled)
 
     def rebuild(self, target_context: Any, payload: Any) -> Any:
-        """A compiled function of what was kept of it."""
+        """A compiled function from what was saved of it."""
         symbols, state = payload
         codegen = target_context.codegen()
         codegen.unserialize_library = functools.partial(loaded_library, symbols, codegen)
@@ -302,25 +302,25 @@ def kernel(function: Function) -> Function:
     return _cached(function)
 
 
-def inner(function: Function) -> Function:
+def internal(function: Function) -> Function:
     """Compile a function that only kernels call: without a Python wrapper, in less time."""
     return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-def merged(function: Function) -> Function:
+def inline_llvm(function: Function) -> Function:
     """Compile a small function that becomes a part of the machine code of kernels that call it."""
     return _cached(function, no_cpython_wrapper=True, no_cfunc_wrapper=True, forceinline=True)
 
 
 def _cached(function: Function, **options: bool) -> Function:
     if INTERPRETED:
-        return _as_it_is(function)
+        return _interpreted(function)
     compiled = numba.njit(error_model='numpy', **options)(function)
     return cast(Function, _CachedKernel.of(compiled))
 
 
-def composed(function: Function, **parts: Callable[..., Any]) -> Function:
-    """Compile a function that kernels take as FirstClass, with others that it calls inside.
+def specialize(function: Function, **parts: Callable[..., Any]) -> Function:
+    """Compile a function that kernels take as FunctionValue, with others that it calls inside.
 
     Args:
         function: The function.
@@ -334,13 +334,13 @@ def composed(function: Function, **parts: Callable[..., Any]) -> Function:
     return cast(Function, _cached(made, no_cpython_wrapper=True))
 
 
-def inlined(function: Function) -> Function:
+def inline_ir(function: Function) -> Function:
     """Compile a function as a part of the kernel that calls it.
 
     For functions that take others, and where handing over many arrays costs more than the work.
     """
     if INTERPRETED:
-        return _as_it_is(function)
+        return _interpreted(function)
     compiled = numba.njit(inline='always', error_model='numpy')(function)
     compiled.__class__ = _Kernel
     return cast(Function, compiled)
@@ -360,7 +360,7 @@ class _Names:
 PYTHON: dict[Any, Any] = {}  # functions of `math` and `numpy` to ours, where nothing is compiled
 
 
-def _as_it_is(function: Function) -> Function:
+def _interpreted(function: Function) -> Function:
     names = cast(Any, function).__globals__
     for name in ('math', 'np'):
         if isinstance(names.get(name), types.ModuleType):

@@ -11,7 +11,7 @@ from numba.extending import overload
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler.kernels import inner, kernel
+from parallel_robot_model.compiler.kernels import internal, kernel
 from parallel_robot_model.compiler.vectors import VectorType, elementwise, on_vectors, vector
 
 
@@ -70,7 +70,7 @@ def _solution(a: Any, b: Any) -> Any:
     return _solved(a, b, np.empty((n, n)), np.empty(n), np.empty(n)).view(type(b))
 
 
-@inner
+@internal
 def _solved(a: Any, b: Any, lower: Any, diagonal: Any, x: Any) -> Any:
     """The solution, written to x; `lower` and `diagonal` are room for the factors."""
     n = len(b)

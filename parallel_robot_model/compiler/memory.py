@@ -21,12 +21,12 @@ _WORD = ir.IntType(64)
 _DOUBLE = ir.DoubleType().as_pointer()
 
 
-class Space(int):
+class FloatBuffer(int):
     """Address of floats, which live as long as it does."""
 
     floats: np.ndarray
 
-    def __new__(cls, count: int) -> Space:
+    def __new__(cls, count: int) -> FloatBuffer:
         """Make room for `count` floats, all zero."""
         floats = np.zeros(count)
         made = super().__new__(cls, floats.ctypes.data)
@@ -34,24 +34,24 @@ class Space(int):
         return made
 
 
-def _place(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> Any:
+def _pointer_at(context: Any, builder: Any, kind: Any, address: Any, index: Any) -> Any:
     """Emit a pointer to a value of a type, with `index` others of it before."""
     count = context.get_constant(types.intp, math.prod(shape_of(kind)[0]))
     pointer = builder.inttoptr(address, _DOUBLE)
     return builder.gep(pointer, [builder.mul(index, count)])
 
 
-def _floats(address: int, index: int, like: Any) -> Any:
-    """The floats of value `index` of the type of `like`."""
-    count = np.size(like)
+def _floats(address: int, index: int, template: Any) -> Any:
+    """The floats of value `index` of the type of `template`."""
+    count = np.size(template)
     there = (ctypes.c_double * count).from_address(int(address) + 8 * count * int(index))
     return np.ctypeslib.as_array(there)
 
 
-def read_at(address: int, index: int, like: Any) -> Any:
-    """Value `index` of the type of `like`, a float or made of floats; nothing is checked."""
-    numbers = _floats(address, index, like)
-    return numbers.reshape(like.shape).copy().view(Vector) if np.ndim(like) else numbers[0]
+def read_at(address: int, index: int, template: Any) -> Any:
+    """Value `index` of the type of `template`, a float or made of floats; nothing is checked."""
+    numbers = _floats(address, index, template)
+    return numbers.reshape(template.shape).copy().view(Vector) if np.ndim(template) else numbers[0]
 
 
 def write_at(address: int, index: int, value: Any) -> None:
@@ -60,11 +60,13 @@ def write_at(address: int, index: int, value: Any) -> None:
 
 
 @in_kernels(read_at)
-def _read_at(context: Any, address: Any, index: Any, like: Any) -> Any:
-    signature = like(types.intp, types.intp, like)
+def _read_at(context: Any, address: Any, index: Any, template: Any) -> Any:
+    signature = template(types.intp, types.intp, template)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        return load(context, builder, like, _place(context, builder, like, *values[:2]))
+        return load(
+            context, builder, template, _pointer_at(context, builder, template, *values[:2])
+        )
 
     return signature, generate
 
@@ -74,7 +76,7 @@ def _write_at(context: Any, address: Any, index: Any, value: Any) -> Any:
     signature = types.none(types.intp, types.intp, value)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
-        place = _place(context, builder, value, *values[:2])
+        place = _pointer_at(context, builder, value, *values[:2])
         store(context, builder, value, values[2], place)
         return context.get_dummy_value()
 

@@ -13,9 +13,9 @@ from llvmlite import ir
 from numba import typeof, types
 
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed, FirstClass
+from parallel_robot_model.compiler.boxed import ALIGNMENT, Boxed, FunctionValue
 from parallel_robot_model.compiler.kernels import need_compiler
-from parallel_robot_model.compiler.memory import Space
+from parallel_robot_model.compiler.memory import FloatBuffer
 from parallel_robot_model.compiler.numba_parts import bitcode_of, cpu_target
 from parallel_robot_model.compiler.vectors import VectorType
 
@@ -23,7 +23,7 @@ from parallel_robot_model.compiler.vectors import VectorType
 
 POINTER = 8  # bytes
 DATA = 4  # field of an array in which its address lies
-CODE = 2  # word of a FirstClass that kernels call without Python
+CODE = 2  # word of a FunctionValue that kernels call without Python
 
 
 class Leaf(NamedTuple):
@@ -40,13 +40,15 @@ class Image(NamedTuple):
     content: bytes  # the bytes; where an address belongs, they are zero
     root: int  # where the boxed tuple lies
     pointers: tuple[tuple[int, int], ...]  # where an address lies, and what lies at that address
-    code: tuple[tuple[int, FirstClass], ...]  # where the address of a kernel lies, and the kernel
+    code: tuple[
+        tuple[int, FunctionValue], ...
+    ]  # where the address of a kernel lies, and the kernel
     # address, size and place of each piece of the memory that was copied
     blocks: tuple[tuple[int, int, int], ...]
 
     def place_of(self, address: int) -> int:
         """Where in the image lies what was at an address."""
-        return _placed(self.blocks, address)
+        return _parameters_at(self.blocks, address)
 
 
 def image_of(root: Boxed) -> Image:
@@ -57,7 +59,7 @@ def image_of(root: Boxed) -> Image:
     extents: dict[int, int] = {}  # size by address
     links: list[tuple[int, int]] = []
     cleared: list[tuple[int, int]] = []
-    code: list[tuple[int, FirstClass]] = []
+    code: list[tuple[int, FunctionValue]] = []
     todo = [root]
     while todo:
         boxed = todo.pop()
@@ -69,13 +71,13 @@ def image_of(root: Boxed) -> Image:
             if isinstance(value, Boxed):
                 todo.append(value)
                 links.append((address, value.address))
-            elif isinstance(value, FirstClass):
+            elif isinstance(value, FunctionValue):
                 cleared.append((address, _size(kind)))
                 code += [(address, value), (address + CODE * POINTER, value)]
             elif isinstance(value, np.ndarray) and not isinstance(kind, VectorType):
                 links.append((address + DATA * POINTER, value.ctypes.data))
                 extents[value.ctypes.data] = max(value.nbytes, extents.get(value.ctypes.data, 0))
-            elif isinstance(value, Space):
+            elif isinstance(value, FloatBuffer):
                 links.append((address, int(value)))
                 extents[int(value)] = max(value.floats.nbytes, extents.get(int(value), 0))
             elif isinstance(value, str):
@@ -85,13 +87,17 @@ def image_of(root: Boxed) -> Image:
     for address, size, place in blocks:
         content[place : place + size] = ctypes.string_at(address, size)
     for address, size in [*cleared, *((address, POINTER) for address, _ in links)]:
-        place = _placed(blocks, address)
+        place = _parameters_at(blocks, address)
         content[place : place + size] = bytes(size)
     return Image(
         bytes(content),
-        _placed(blocks, root.address),
-        tuple((_placed(blocks, at), _placed(blocks, to)) for at, to in links if extents[to]),
-        tuple((_placed(blocks, at), kernel) for at, kernel in code),
+        _parameters_at(blocks, root.address),
+        tuple(
+            (_parameters_at(blocks, at), _parameters_at(blocks, to))
+            for at, to in links
+            if extents[to]
+        ),
+        tuple((_parameters_at(blocks, at), kernel) for at, kernel in code),
         tuple(blocks),
     )
 
@@ -147,7 +153,7 @@ def _laid_out(extents: dict[int, int]) -> list[tuple[int, int, int]]:
     return blocks
 
 
-def _placed(blocks: Any, address: int) -> int:
+def _parameters_at(blocks: Any, address: int) -> int:
     for begin, size, place in blocks:
         if begin <= address < begin + size:
             return int(place + address - begin)
@@ -286,8 +292,8 @@ def _is_foreign(function: Any) -> bool:
 def _refusals(foreign: Iterable[Any]) -> str:
     """Definitions of functions of Python, as LLVM's text: they end the process.
 
-    They are behind branches that are not taken: for a FirstClass without machine code, and for the
-    count of references to an array's memory, which no array of an image has.
+    They are behind branches that are not taken: for a FunctionValue without machine code, and for
+    the count of references to an array's memory, which no array of an image has.
     """
     lines = ['declare void @abort()']
     for function in foreign:

@@ -13,7 +13,7 @@ from numba.extending import overload
 from numba.np.numpy_support import as_dtype
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler.kernels import inner, kernel
+from parallel_robot_model.compiler.kernels import internal, kernel
 from parallel_robot_model.compiler.numba_parts import cgutils, in_kernels
 from parallel_robot_model.compiler.vectors import (
     Emitted,
@@ -59,10 +59,10 @@ def _elements(array: Any, index: int, count: int) -> Any:
     return array.reshape(-1)[start : start + count]
 
 
-def read_row(array: Any, index: int, like: Any) -> Any:
-    """Row `index` of an array as a value of the type of `like`; neither is checked."""
-    numbers = _elements(array, index, np.size(like))
-    return numbers.reshape(like.shape).copy().view(Vector) if np.ndim(like) else numbers[0]
+def read_row(array: Any, index: int, template: Any) -> Any:
+    """Row `index` of an array as a value of the type of `template`; neither is checked."""
+    numbers = _elements(array, index, np.size(template))
+    return numbers.reshape(template.shape).copy().view(Vector) if np.ndim(template) else numbers[0]
 
 
 def write_row(array: Any, index: int, value: Any) -> None:
@@ -71,14 +71,14 @@ def write_row(array: Any, index: int, value: Any) -> None:
 
 
 @in_kernels(read_row)
-def _read_row(context: Any, array: Any, index: Any, like: Any) -> Any:
-    if not _holds(array, like):
+def _read_row(context: Any, array: Any, index: Any, template: Any) -> Any:
+    if not _holds(array, template):
         return None
-    signature = like(array, types.intp, like)
+    signature = template(array, types.intp, template)
 
     def generate(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         pointer = _row(context, builder, array, values[0], values[1])
-        return load(context, builder, like, pointer)
+        return load(context, builder, template, pointer)
 
     return signature, generate
 
@@ -212,7 +212,7 @@ def largest(x: Any) -> Any:
     return largest
 
 
-@inner
+@internal
 def is_finite(x: Array) -> bool:
     """Whether all elements of a vector are finite."""
     return every(x - x == 0.0)
@@ -226,8 +226,8 @@ def arrays_of(value: Any) -> Any:
     return as_arrays(value)
 
 
-def vectors_of(value: Any, like: Any) -> Any:
-    """A value of the type of `like`, with vectors in place of its arrays.
+def vectors_of(value: Any, template: Any) -> Any:
+    """A value of the type of `template`, with vectors in place of its arrays.
 
     One of another size is not read: floats become NaN.
     """
@@ -248,8 +248,8 @@ def _arrays_of(context: Any, value: Any) -> Any:
 
 
 @on_vectors(vectors_of)
-def _vectors_of(context: Any, value: Any, like: Any) -> Any:
-    return like if value == _with_arrays(like) else None, _vector
+def _vectors_of(context: Any, value: Any, template: Any) -> Any:
+    return template if value == _with_arrays(template) else None, _vector
 
 
 def _array(value: Emitted) -> Any:
@@ -269,22 +269,22 @@ def _array(value: Emitted) -> Any:
     return _called(copied, _with_arrays(value.kind), value)
 
 
-def _vector(value: Emitted, like: Emitted) -> Any:
+def _vector(value: Emitted, template: Emitted) -> Any:
     """Emit a value of a type with vectors in place of its arrays."""
-    if isinstance(like.kind, types.BaseTuple):
-        return list(map(_vector, value, like))
-    if not isinstance(like.kind, VectorType):
+    if isinstance(template.kind, types.BaseTuple):
+        return list(map(_vector, value, template))
+    if not isinstance(template.kind, VectorType):
         return value
-    shape, scalar = shape_of(like.kind)
+    shape, scalar = shape_of(template.kind)
     count = math.prod(shape)
 
-    def floats(x: Any, like: Any) -> Any:
-        return read_row(x, 0, like) if x.size == count else like * np.nan
+    def floats(x: Any, template: Any) -> Any:
+        return read_row(x, 0, template) if x.size == count else template * np.nan
 
-    def others(x: Any, like: Any) -> Any:
-        return read_row(x, 0, like) if x.size == count else like
+    def others(x: Any, template: Any) -> Any:
+        return read_row(x, 0, template) if x.size == count else template
 
-    return _called(floats if scalar == types.float64 else others, like.kind, value, like)
+    return _called(floats if scalar == types.float64 else others, template.kind, value, template)
 
 
 def _called(function: Any, to: Any, *values: Emitted) -> Emitted:

@@ -10,13 +10,23 @@ from typing import Any, NamedTuple
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config_files, hazards
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
-from parallel_robot_model.configuration.config_files import DESCRIPTION, Shipped, label, shipped
+from parallel_robot_model.configuration.config_files import (
+    DESCRIPTION,
+    BuiltinFiles,
+    builtin_files,
+    label,
+)
 from parallel_robot_model.configuration.config_files import PACKAGE as PACKAGE
 from parallel_robot_model.configuration.config_files import Layer as Layer
 from parallel_robot_model.configuration.config_files import directory as directory
 from parallel_robot_model.configuration.config_files import flat as flat
 from parallel_robot_model.configuration.fields import plain
-from parallel_robot_model.configuration.plain_data import Placed, locating, merged, places_of
+from parallel_robot_model.configuration.plain_data import (
+    LocatedDict,
+    locations_of,
+    merged,
+    with_location,
+)
 from parallel_robot_model.configuration.yaml_file import CODE as CODE
 
 # Modules of users that a configuration names: their files, and the defaults that they bring.
@@ -107,7 +117,7 @@ def scenarios() -> list[str]:
 
 def default(key: str) -> Any:
     """Default of a key of ``defaults.yaml``."""
-    return shipped().defaults[1][key]
+    return builtin_files().defaults[1][key]
 
 
 def resolve(
@@ -147,32 +157,32 @@ def resolve_with_sources(
         OVERRIDE, or for what follows from other keys, what it follows from.
     """
     # 1. All that is read.
-    files = shipped()
+    files = builtin_files()
     name, given = _scenario(scenario)
     changes = config_files.with_file_contents(_plain(overrides or {}))
     _check_scenario(name, scenario, str(changes.pop('scenario', name)))
     given.append((OVERRIDE, changes))
     # 2. Merged, first to what names robot, laws and motions, then with the defaults of these.
-    asked = merged([files.defaults[1], *(values for _, values in given)])
-    _check_modules(asked)
-    own = loaded.defaults(asked)
-    with locating(asked):
-        layers = [files.defaults, *_robot(files, asked, own)]
-    gains = _gains(files, asked, own)
-    _check_names(asked, layers, gains)
-    laws, shapes = (module_names(asked, key) for key in ('custom_laws', 'custom_trajectories'))
+    requested = merged([files.defaults[1], *(values for _, values in given)])
+    _check_modules(requested)
+    own = loaded.defaults(requested)
+    with with_location(requested):
+        layers = [files.defaults, *_robot(files, requested, own)]
+    gains = _gains(files, requested, own)
+    _check_names(requested, layers, gains)
+    laws, shapes = (module_names(requested, key) for key in ('custom_laws', 'custom_trajectories'))
     layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, own))]
-    known, opaque = merged(values for _, values in layers), (laws | shapes) - _groups(layers)
+    allowed, opaque = merged(values for _, values in layers), (laws | shapes) - _groups(layers)
     layers += [*given, (given[-2][0], {'scenario': name})]
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     # 3. Checked, and completed by what follows from it.
     of_robot = [key for key in config if key.startswith('robot.')]
-    names = {*known, *(f'true_{key}' for key in known if key.startswith('robot.'))}
+    names = {*allowed, *(f'true_{key}' for key in allowed if key.startswith('robot.'))}
     for _, values in given:
         for key in values:
             if key not in names and key.partition('.')[0] not in opaque:
-                with locating(values):
+                with with_location(values):
                     raise UnknownNameError('parameter', key, names, key)
     _complete(config)
     sources[DESCRIPTION] = sources[config_files.COMPILED] = config_files.MODEL
@@ -196,19 +206,21 @@ def _check_scenario(name: str, scenario: str, given: str) -> None:
         raise InputError(f'the scenario is {name}; it cannot be changed by a parameter')
 
 
-def _complete(config: Placed) -> None:
+def _complete(config: LocatedDict) -> None:
     """Write files as absolute paths, and hazards as texts."""
     for key in CUSTOM:
         config[key] = absolute_modules(key, config[key])
-    with locating(config):
+    with with_location(config):
         config[hazards.KEY] = hazards.texts(config[hazards.KEY])
 
 
-def _check_names(asked: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]) -> None:
+def _check_names(
+    requested: Mapping[str, Any], layers: Iterable[Layer], gains: list[Layer]
+) -> None:
     """Refuse custom laws and trajectories whose groups exist already: they bear their names."""
     taken = _groups(layers)
     for key, others in (('custom_laws', gains), ('custom_trajectories', [])):
-        for name in (Path(path).stem for path in asked[key]):
+        for name in (Path(path).stem for path in requested[key]):
             if name in taken:
                 raise InputError(f'{key}: {name} is a group of parameters; rename the file')
             taken.add(name)
@@ -246,15 +258,15 @@ def changed(
     """
     changes = config_files.with_file_contents(_plain(changes))
     _check_modules(changes)
-    asked = {**values, **changes}
-    own = loaded.defaults(asked)
-    gains = merged(values for _, values in _gains(shipped(), asked, own))
-    known = gains | _of(module_names(asked, 'custom_trajectories'), own) | dict(values)
+    requested = {**values, **changes}
+    own = loaded.defaults(requested)
+    gains = merged(values for _, values in _gains(builtin_files(), requested, own))
+    allowed = gains | _of(module_names(requested, 'custom_trajectories'), own) | dict(values)
     for key in changes:
-        if key not in known:
-            with locating(changes):
-                raise UnknownNameError('parameter', key, known, key)
-    config = merged((known, changes))
+        if key not in allowed:
+            with with_location(changes):
+                raise UnknownNameError('parameter', key, allowed, key)
+    config = merged((allowed, changes))
     _complete(config)
     same = all(config[key] == value for key, value in gains.items())
     return config | {'preset': PRESET if same else 'custom'}
@@ -271,10 +283,10 @@ def preset(values: Mapping[str, Any], loaded: Modules = NONE) -> dict[str, Any]:
         InputError: a custom module has the name of one that exists.
     """
     own = loaded.defaults(values)
-    return merged(gains for _, gains in _gains(shipped(), values, own))
+    return merged(gains for _, gains in _gains(builtin_files(), values, own))
 
 
-def _gains(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
+def _gains(files: BuiltinFiles, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
     """Gains of all laws by their source; `own` are the defaults of custom modules."""
     laws = {*files.laws}
     for path in values['custom_laws']:
@@ -292,10 +304,10 @@ def _gains(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
 
 def robot_models() -> list[str]:
     """Names of the robots of the suite."""
-    return [*shipped().robots]
+    return [*builtin_files().robots]
 
 
-def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
+def _robot(files: BuiltinFiles, values: Mapping[str, Any], own: Mapping[str, Any]) -> list[Layer]:
     """Defaults of the robot; `own` are those of custom modules and of a description."""
     name = str(values['robot_model'])
     custom = [Path(path).stem for path in values['custom_robots']]
@@ -313,8 +325,8 @@ def _robot(files: Shipped, values: Mapping[str, Any], own: Mapping[str, Any]) ->
             return [(DESCRIBED, of_robot), *more]
         return [(CUSTOM_DEFAULT, of_robot)]
     if name not in files.robots:
-        known = {*files.robots, *config_files.shipped_machines(), *custom}
-        raise UnknownNameError('robot_model', name, sorted(known), 'robot_model')
+        names = {*files.robots, *config_files.builtin_machines(), *custom}
+        raise UnknownNameError('robot_model', name, sorted(names), 'robot_model')
     return [files.robots[name]]
 
 
@@ -323,5 +335,5 @@ def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
 
 
-def _plain(values: Mapping[str, Any]) -> Placed:
-    return Placed({key: plain(value) for key, value in values.items()}, places_of(values))
+def _plain(values: Mapping[str, Any]) -> LocatedDict:
+    return LocatedDict({key: plain(value) for key, value in values.items()}, locations_of(values))

@@ -12,7 +12,7 @@ import yaml
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import points, robot_file, yaml_file
-from parallel_robot_model.configuration.plain_data import LOADER, Placed, locating
+from parallel_robot_model.configuration.plain_data import LOADER, LocatedDict, with_location
 
 PACKAGE = 'parallel_robot'
 DEFAULTS = 'defaults.yaml'
@@ -75,7 +75,7 @@ def _parsed(path: Path, _changed: int) -> dict[str, Any]:
     return content
 
 
-class Shipped(NamedTuple):
+class BuiltinFiles(NamedTuple):
     """The parameters that the suite ships, each file as a layer: label, keys and values."""
 
     defaults: Layer  # defaults of all that has no file of its own
@@ -83,7 +83,7 @@ class Shipped(NamedTuple):
     robots: dict[str, Layer]  # by name of the robot
 
 
-def shipped() -> Shipped:
+def builtin_files() -> BuiltinFiles:
     """The shipped parameters.
 
     Raises:
@@ -94,7 +94,7 @@ def shipped() -> Shipped:
         {file.stem: _layer(file) for file in sorted((root / folder).glob('*.yaml'))}
         for folder in ('laws', 'robots')
     )
-    return Shipped(_layer(root / DEFAULTS), laws, robots)
+    return BuiltinFiles(_layer(root / DEFAULTS), laws, robots)
 
 
 def _layer(file: Path) -> Layer:
@@ -134,12 +134,12 @@ def is_robot_path(model: str) -> bool:
     return '/' in model or model.lower().endswith(ROBOT_SUFFIXES)
 
 
-def shipped_machines() -> list[str]:
+def builtin_machines() -> list[str]:
     """Names of the machines that the suite ships as descriptions."""
     return sorted(path.stem for path in (directory() / MACHINES).glob('*.xml'))
 
 
-def _with_machine(values: Placed) -> Placed:
+def _with_machine(values: LocatedDict) -> LocatedDict:
     """Values with the text of the machine that they name, if any, and its name.
 
     A path counts from the file in which it stands, or else from the current directory.
@@ -147,21 +147,21 @@ def _with_machine(values: Placed) -> Placed:
     model = values.get(MODEL)
     if not isinstance(model, str) or values.get(DESCRIPTION):
         return values
-    stands = values.places.get(MODEL)
+    location = values.locations.get(MODEL)
     compiled = ''
     if not is_robot_path(model):
         path = machine_path(model)
-        if text := robot_file.text_of(path) if model in shipped_machines() else '':
+        if text := robot_file.text_of(path) if model in builtin_machines() else '':
             compiled = yaml_file.text(path.with_suffix('.json'))
         name = model
     else:
-        with locating(values):
+        with with_location(values):
             try:
                 path = _file_of(values, model)
                 text, name = robot_file.text_of(path), path.stem
             except (RuntimeError, InputError) as error:  # home of an unknown user
                 raise InputError(f'{MODEL}: {error}', MODEL) from None
-            taken = {*shipped().robots, *shipped_machines()}
+            taken = {*builtin_files().robots, *builtin_machines()}
             if name in taken and path.resolve() != machine_path(name).resolve():
                 what = f'there is already a robot {name}; rename the file'
                 raise InputError(f'{MODEL}: {path}: {what}', MODEL)
@@ -170,26 +170,26 @@ def _with_machine(values: Placed) -> Placed:
     entries = {MODEL: name, DESCRIPTION: text}
     if compiled:  # else it is compiled when it is read
         entries[COMPILED] = compiled
-    return values | Placed(entries, dict.fromkeys(entries, stands) if stands else {})
+    return values | LocatedDict(entries, dict.fromkeys(entries, location) if location else {})
 
 
-def _file_of(values: Placed, model: str) -> Path:
-    stands = values.places.get(MODEL)
-    return Path(stands.file if stands else '').parent / Path(model).expanduser()
+def _file_of(values: LocatedDict, model: str) -> Path:
+    location = values.locations.get(MODEL)
+    return Path(location.file if location else '').parent / Path(model).expanduser()
 
 
-def machine_file(values: Placed) -> Path | None:
+def machine_file(values: LocatedDict) -> Path | None:
     """File of the machine that values name, if they name one."""
     model = values.get(MODEL)
     if not isinstance(model, str):
         return None
-    shipped_one = machine_path(model) if model in shipped_machines() else None
+    shipped_one = machine_path(model) if model in builtin_machines() else None
     return _file_of(values, model) if is_robot_path(model) else shipped_one
 
 
 def scenario_of(name: str) -> str:
     """The scenario that is called so, or the description of the shipped machine of that name."""
-    return str(machine_path(name)) if name in shipped_machines() else name
+    return str(machine_path(name)) if name in builtin_machines() else name
 
 
 def machine_path(name: str) -> Path:
@@ -200,7 +200,7 @@ def machine_path(name: str) -> Path:
 # Files that a configuration names, whose content takes the place of their names.
 
 
-def with_file_contents(values: Placed) -> Placed:
+def with_file_contents(values: LocatedDict) -> LocatedDict:
     """Values with the content of the files that they name: points of a motion, a machine.
 
     Raises:
@@ -233,7 +233,7 @@ def absolute_scenario(scenario: str, start: Path | None = None) -> str:
         scenario: Name or path of a scenario.
         start: Directory from which a relative path counts; None: the current one.
     """
-    return str(_place(scenario, start)) if is_scenario_path(scenario) else scenario
+    return str(_absolute_path(scenario, start)) if is_scenario_path(scenario) else scenario
 
 
 def scenario_stem(scenario: str) -> str:
@@ -244,24 +244,24 @@ def scenario_stem(scenario: str) -> str:
     return path.stem if path.suffix in SUFFIXES or is_robot_scenario(scenario) else path.name
 
 
-def scenario_names(shipped: Path) -> list[str]:
+def scenario_names(directory: Path) -> list[str]:
     """Names of the shipped scenarios.
 
     Args:
-        shipped: Their directory.
+        directory: Their directory.
     """
-    return sorted(path.stem for path in shipped.glob('*.yaml'))
+    return sorted(path.stem for path in directory.glob('*.yaml'))
 
 
-def _scenario_name(scenario: str, shipped: Path) -> str:
+def _scenario_name(scenario: str, directory: Path) -> str:
     """Name of a scenario: that of its file without the suffix."""
     if not is_scenario_path(scenario):
-        if scenario not in scenario_names(shipped):
-            raise UnknownNameError('scenario', scenario, scenario_names(shipped), 'scenario')
+        if scenario not in scenario_names(directory):
+            raise UnknownNameError('scenario', scenario, scenario_names(directory), 'scenario')
         return scenario
-    place = _place(scenario)
+    place = _absolute_path(scenario)
     name = scenario_stem(str(place))
-    if name in scenario_names(shipped) and place != _shipped(name, shipped):
+    if name in scenario_names(directory) and place != _builtin_path(name, directory):
         raise InputError(f'{scenario}: there is already a scenario {name}; rename the file')
     if len(name) > MAX_NAME_LENGTH or not name.isprintable():
         what = f'at most {MAX_NAME_LENGTH} characters, all of which can be printed'
@@ -269,24 +269,26 @@ def _scenario_name(scenario: str, shipped: Path) -> str:
     return name
 
 
-def scenario_layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path, Placed]]]:
+def scenario_layers(scenario: str, directory: Path) -> tuple[str, list[tuple[Path, LocatedDict]]]:
     """Name of a scenario, and its files with their values: the first base first, itself last.
 
     Args:
         scenario: Name of a shipped scenario, or the path of a file. The ``base`` of a file is one
             or the other, too; its path is relative to the file.
-        shipped: Directory of the shipped scenarios.
+        directory: Directory of the shipped scenarios.
 
     Raises:
         UnknownNameError: no such scenario is shipped.
         InputError: a file cannot be read, names code, or has another name of the scenario, or
             bases lead back to where they began.
     """
-    name = _scenario_name(scenario, shipped)
-    place = _place(scenario) if is_scenario_path(scenario) else _shipped(name, shipped)
+    name = _scenario_name(scenario, directory)
+    place = (
+        _absolute_path(scenario) if is_scenario_path(scenario) else _builtin_path(name, directory)
+    )
     if is_robot_scenario(scenario):
-        return name, [(place, with_file_contents(Placed({MODEL: str(place)})))]
-    files: list[tuple[Path, Placed]] = []
+        return name, [(place, with_file_contents(LocatedDict({MODEL: str(place)})))]
+    files: list[tuple[Path, LocatedDict]] = []
     while True:
         way = [path for path, _ in files]
         if place in way or len(way) == MAX_BASES:
@@ -296,7 +298,7 @@ def scenario_layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path,
         values = yaml_file.read(place)
         if yaml_file.is_ros_parameter_file(values):
             raise InputError(f'{place} is a parameter file of ROS: give it by --param-file')
-        with locating(values):
+        with with_location(values):
             base = values.pop('base', None)
             _check(place, values)
             files.append((place, with_file_contents(values)))
@@ -305,14 +307,14 @@ def scenario_layers(scenario: str, shipped: Path) -> tuple[str, list[tuple[Path,
             if not isinstance(base, str):
                 raise InputError('base must be the name or the path of a scenario', 'base')
             if is_scenario_path(base):
-                place = _place(base, place.parent)
-            elif base in scenario_names(shipped):
-                place = _shipped(base, shipped)
+                place = _absolute_path(base, place.parent)
+            elif base in scenario_names(directory):
+                place = _builtin_path(base, directory)
             else:
-                raise UnknownNameError('base', base, scenario_names(shipped), 'base')
+                raise UnknownNameError('base', base, scenario_names(directory), 'base')
 
 
-def _check(path: Path, values: Placed) -> None:
+def _check(path: Path, values: LocatedDict) -> None:
     """Refuse what a scenario may not say."""
     for key in yaml_file.CODE & values.keys():
         raise InputError(f'{key} is given on a command line alone: it is code', key)
@@ -320,11 +322,11 @@ def _check(path: Path, values: Placed) -> None:
         raise InputError('a scenario has the name of its file; remove its scenario', 'scenario')
 
 
-def _shipped(name: str, shipped: Path) -> Path:
-    return (shipped / f'{name}.yaml').resolve()
+def _builtin_path(name: str, directory: Path) -> Path:
+    return (directory / f'{name}.yaml').resolve()
 
 
-def _place(path: str, start: Path | None = None) -> Path:
+def _absolute_path(path: str, start: Path | None = None) -> Path:
     """Absolute path of a file, from a directory; None: from the current one."""
     try:
         return ((start or Path()) / Path(path).expanduser()).resolve()

@@ -25,9 +25,9 @@ from typing import (
 
 import numpy as np
 
-from parallel_robot_model.common.errors import InputError, UnknownNameError, apart
+from parallel_robot_model.common.errors import InputError, UnknownNameError, distinct_texts
 from parallel_robot_model.common.units import Array, JointUnits
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
@@ -48,7 +48,7 @@ class Field(NamedTuple):
     low: float = -math.inf  # smallest value
     high: float = math.inf  # largest value
     neutral: float = math.nan  # value at which it changes nothing of an ideal plant, if it can
-    untrue: bool = False  # whether any other makes the joints that are told not the true ones
+    untrue: bool = False  # whether any other makes the measured joints differ from the true ones
 
 
 class Parameter(NamedTuple):
@@ -76,7 +76,7 @@ def _parameters(group: Any) -> tuple[Parameter, ...]:
 
 
 def untrue_keys(declared: Declared) -> list[str]:
-    """Keys of the parameters by which the joints that are told are not the true ones."""
+    """Keys of the parameters by which the measured joints differ from the true ones."""
     return [
         f'{prefix}.{parameter.key}'
         for prefix, group in declared
@@ -85,7 +85,7 @@ def untrue_keys(declared: Declared) -> list[str]:
     ]
 
 
-def acts(group: Any) -> bool:
+def is_active(group: Any) -> bool:
     """Whether any of the parameters that have a neutral value has another one."""
     return any(
         np.any(np.not_equal(value, parameter.field.neutral))
@@ -141,8 +141,8 @@ def build(
         UnknownNameError: a key that the group does not have.
         InputError: a key is missing, or a value has the wrong type, is not finite or out of range.
     """
-    known = parameters(group)
-    keys = [parameter.key for parameter in known]
+    declared = parameters(group)
+    keys = [parameter.key for parameter in declared]
     for key in values:
         if key not in keys:
             known_keys = [prefix + each for each in keys]
@@ -150,11 +150,13 @@ def build(
     missing = [prefix + key for key in keys if key not in values]
     if missing:
         raise InputError(f'parameter {missing[0]} is missing')
-    return group(*(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in known))
+    return group(
+        *(check(prefix + p.key, p.type, p.field, values[p.key], joints) for p in declared)
+    )
 
 
 @functools.cache
-def words(kind: Any) -> tuple[str, ...]:
+def allowed_words(kind: Any) -> tuple[str, ...]:
     """The words that a parameter takes in place of a number; none for most."""
     parts = get_args(kind) if get_origin(kind) in (Union, types.UnionType) else ()
     return tuple(word for part in parts if get_origin(part) is Literal for word in get_args(part))
@@ -202,11 +204,11 @@ def check(name: str, kind: Any, field: Field, value: Any, joints: int | None = N
             choices = map(str, get_args(kind))
             raise UnknownNameError(f'value of {name}', str(value), choices, name)
         return value
-    if words(kind):
-        if value in words(kind):
+    if allowed_words(kind):
+        if value in allowed_words(kind):
             return value
         if not isinstance(value, (int, float)) or isinstance(value, bool):
-            known = ', '.join(words(kind))
+            known = ', '.join(allowed_words(kind))
             raise InputError(f'{name} must be a number or one of {known}, not {value!r}', name)
         kind = float
     if kind is float and isinstance(value, int) and not isinstance(value, bool):
@@ -235,7 +237,7 @@ def _check_range(name: str, field: Field, value: float) -> None:
     if not abs(value) < 1e300:  # also NaN
         raise InputError(f'{name} must be finite, not {value}', name)
     if not field.low <= value <= field.high:
-        given, _ = apart(value, field.low if value < field.low else field.high, 6)
+        given, _ = distinct_texts(value, field.low if value < field.low else field.high, 6)
         if field.high == math.inf:
             wanted = f'at least {field.low:g}{unit}'
         elif field.low == -math.inf:
@@ -279,7 +281,7 @@ class Groups:
             own = {key.removeprefix(start): self.values[key] for key in keys if key in self.values}
             given = self.values.get('joints')
             joints = len(given) if isinstance(given, list) else None
-            with locating(self.values):
+            with with_location(self.values):
                 self._built[prefix, kind] = build(kind, own, start, joints)
         group_there: Group = self._built[prefix, kind]
         return group_there
@@ -382,10 +384,10 @@ def corrected(values: Mapping[str, Any], position: Array) -> Array:
     Raises:
         InputError: ``estimator.zero_angle`` is wrong.
     """
-    return np.asarray(position - known(values), np.float64)
+    return np.asarray(position - given_zero_angles(values), np.float64)
 
 
-def known(values: Mapping[str, Any]) -> Array:
+def given_zero_angles(values: Mapping[str, Any]) -> Array:
     """Zero angles that are known [rad], shape (n,).
 
     Raises:

@@ -9,7 +9,7 @@ from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import MICROSECOND, NANOSECONDS
 from parallel_robot_model.configuration import hazards
 from parallel_robot_model.configuration.fields import Field, group
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.messages.topics import SLOW
 
 STEP_START = NANOSECONDS  # earliest stamp of t = 0 in lockstep; 0 is "no time yet" in ROS
@@ -115,7 +115,7 @@ def loop_of(values: Mapping[str, Any]) -> LoopParameters:
             not a whole number of microseconds; a motion without samples.
     """
     loop = group(values, LoopParameters, '')
-    with locating(values):
+    with with_location(values):
         _check(loop)
     return loop
 

@@ -160,7 +160,7 @@ def _check(value: Any, depth: int, key: str = '') -> None:
 INDEX = re.compile(r'\[\d+\]$')  # of one of several numbers
 
 
-class Place(NamedTuple):
+class Location(NamedTuple):
     """A line of a file, from 1, and the columns of the table that was read from there."""
 
     file: str
@@ -168,43 +168,45 @@ class Place(NamedTuple):
     columns: tuple[str, ...] = ()
 
 
-class Placed(dict[str, Any]):
+class LocatedDict(dict[str, Any]):
     """Values by key."""
 
     def __init__(
-        self, values: Mapping[str, Any] | None = None, places: Mapping[str, Place] | None = None
+        self, values: Mapping[str, Any] | None = None, places: Mapping[str, Location] | None = None
     ) -> None:
         super().__init__(values or {})
         # key to place, of the values that stand in a file of a user
-        self.places = dict(places or {})
+        self.locations = dict(places or {})
 
-    def __or__(self, others: Mapping[str, Any]) -> Placed:  # type: ignore[override]
+    def __or__(self, others: Mapping[str, Any]) -> LocatedDict:  # type: ignore[override]
         """These values and others, which win."""
         return merged((self, others))
 
 
-SafeRepresenter.add_representer(Placed, SafeRepresenter.represent_dict)  # YAML: as any dictionary
+SafeRepresenter.add_representer(
+    LocatedDict, SafeRepresenter.represent_dict
+)  # YAML: as any dictionary
 
 
-def places_of(values: Mapping[str, Any]) -> Mapping[str, Place]:
+def locations_of(values: Mapping[str, Any]) -> Mapping[str, Location]:
     """Places of some values; of values that know none, nothing."""
-    return values.places if isinstance(values, Placed) else {}
+    return values.locations if isinstance(values, LocatedDict) else {}
 
 
-def merged(layers: Iterable[Mapping[str, Any]]) -> Placed:
+def merged(layers: Iterable[Mapping[str, Any]]) -> LocatedDict:
     """Values of several layers; later ones win."""
-    values = Placed()
+    values = LocatedDict()
     for layer in layers:
         values.update(layer)
-        if values.places:
-            kept = values.places.items()
-            values.places = {key: place for key, place in kept if key not in layer}
-        values.places.update(places_of(layer))
+        if values.locations:
+            entries = values.locations.items()
+            values.locations = {key: place for key, place in entries if key not in layer}
+        values.locations.update(locations_of(layer))
     return values
 
 
 @contextlib.contextmanager
-def locating(values: Mapping[str, Any], file: str = '') -> Iterator[None]:
+def with_location(values: Mapping[str, Any], file: str = '') -> Iterator[None]:
     """Let an InputError about one of the values, or about a group of them, say where it stands.
 
     Args:
@@ -215,7 +217,7 @@ def locating(values: Mapping[str, Any], file: str = '') -> Iterator[None]:
         yield
     except InputError as error:
         key = INDEX.sub('', error.key)
-        known = places_of(values)
+        known = locations_of(values)
         group = [place for name, place in known.items() if name.startswith(f'{key}.')]
         places = [known[key]] if key in known else group
         if key and places:

@@ -17,16 +17,16 @@ from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.plain_data import Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import LocatedDict, Location, with_location
 
 # Tables of points: a CSV of times and coordinates, in anybody's columns and units.
 
 MAX_BYTES = 1 << 28  # bytes of a table
 HEADER = 't, x, y, phi; t, x, y; t, x, y, z, rx, ry, rz; or t, q1, q2 and so on'
 PLANE = ('x', 'y', 'phi')
-PLACE, TURN = ('x', 'y', 'z'), ('rx', 'ry', 'rz')  # in space, and its rotation vector
+PLACE, ROTATION_VECTOR = ('x', 'y', 'z'), ('rx', 'ry', 'rz')  # in space, and its rotation vector
 QUATERNION = ('qx', 'qy', 'qz', 'qw')  # in place of that
-ORDER = ('t', *PLACE, 'phi', *TURN, *QUATERNION)
+ORDER = ('t', *PLACE, 'phi', *ROTATION_VECTOR, *QUATERNION)
 ROUNDED = 1e-2  # by which the length of a quaternion may differ from 1
 COLUMNS = 'waypoints.columns'
 UNITS = 'waypoints.units'
@@ -147,10 +147,12 @@ def _chosen(path: Path, lines: Lines, columns: Sequence[str]) -> tuple[tuple[str
             COLUMNS,
         )
     names = sorted(pairs, key=_order)
-    return tuple(names), [_place(path, header, pairs[name].strip(), shown) for name in names]
+    return tuple(names), [
+        _column_index(path, header, pairs[name].strip(), shown) for name in names
+    ]
 
 
-def _place(path: Path, header: list[str], column: str, shown: str) -> int:
+def _column_index(path: Path, header: list[str], column: str, shown: str) -> int:
     """Where in a line a column stands, which is given by its name or its number from 1."""
     same = [k for k, name in enumerate(header) if name == column]
     if len(same) == 1:
@@ -171,7 +173,7 @@ def _order(name: str) -> tuple[int, int | str]:
 def _are_names(names: list[str]) -> bool:
     if len(names) < 2 or names[0] != 't':
         return False
-    own, space = tuple(names[1:]), (*PLACE, *TURN)
+    own, space = tuple(names[1:]), (*PLACE, *ROTATION_VECTOR)
     joints = tuple(f'q{k}' for k in range(1, len(names)))
     some = tuple(name for name in space if name in own)
     return own in (joints, PLANE, some, (*PLACE, *QUATERNION))
@@ -249,7 +251,7 @@ SPACE, THINNED = 'waypoints.space', 'waypoints.thinned'
 MAX_POINTS = 5000  # points of a motion: all of them are parameters of nodes, and go into a bag
 
 
-def with_points(values: Placed) -> Placed:
+def with_points(values: LocatedDict) -> LocatedDict:
     """Values with those of the CSV that they name, if any, instead of its name.
 
     Its path counts from the file in which its name stands, or else from the current directory.
@@ -262,8 +264,8 @@ def with_points(values: Placed) -> Placed:
     options = [key for key in (COLUMNS, UNITS) if values.get(key)]
     if name == '' and not options:
         return values
-    place = values.places.get(POINTS_FILE)
-    with locating(values):
+    place = values.locations.get(POINTS_FILE)
+    with with_location(values):
         if name == '':
             raise InputError(f'{options[0]} needs {POINTS_FILE} beside it', options[0])
         if not isinstance(name, str):
@@ -296,8 +298,8 @@ def with_points(values: Placed) -> Placed:
         THINNED: thinned,
     }
     places = dict.fromkeys(entries, place) if place else {}
-    places[POINTS] = (place or Place(str(path), 1))._replace(columns=table.names)
-    return values | Placed(entries, places)
+    places[POINTS] = (place or Location(str(path), 1))._replace(columns=table.names)
+    return values | LocatedDict(entries, places)
 
 
 def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:
@@ -312,11 +314,11 @@ def _thinned(table: Table, name: str) -> tuple[NDArray[np.int64], str]:
     curve = make_interp_spline(table.times[kept], table.points[kept], k=5)
     offset = np.abs(curve(table.times) - table.points).max(axis=0)
     unit = map(length_or_angle, table.names)
-    told = (
+    deviations = (
         f'{axis} {distance:.2g} {of}'.strip()
         for axis, distance, of in zip(table.names, offset, unit, strict=True)
     )
     return kept, (
         f'{name} has {count} rows, of which one in {step} is followed; '
-        f'the motion misses the others by at most {", ".join(told)}'
+        f'the motion misses the others by at most {", ".join(deviations)}'
     )

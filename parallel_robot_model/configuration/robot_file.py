@@ -12,31 +12,31 @@ from xml.sax.saxutils import escape, quoteattr
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import plain_data, yaml_file
 
-# XML of strangers: read with limits into elements that know their place, and written.
+# XML from untrusted sources: read with limits into elements that know their place, and written.
 
 COMMENT, DECLARATION = re.compile(b'<!--.*?-->', re.DOTALL), b'<?xml'
 DEEPEST = 200  # elements in one another
 MOST_ELEMENTS = 100_000  # elements in all
-MERGED = 'merged'  # the mark of a text whose lines are not those of one file
+MERGED_MARK = 'merged'  # the mark of a text whose lines are not those of one file
 FILE = 'file'  # the mark of the name of the file that a text is from
 TEXT = '#'  # in place of an attribute: the text of an element
 
 
 class Node(Element):
-    """An element of XML, which notes what was asked of it."""
+    """An element of XML, which records what was read of it."""
 
     line = 0  # on which it begins
     source = ''  # what its file is called
     place = ''  # its file, and the line if that is the one in the file
-    heard = False  # whether it was asked for
+    used = False  # whether it was read
 
     def __init__(self, *arguments: Any, **attributes: Any) -> None:
         super().__init__(*arguments, **attributes)
-        self.asked: set[str] = set()  # attributes, kinds of elements in it, and TEXT
+        self.requested: set[str] = set()  # attributes, kinds of elements in it, and TEXT
 
     def get(self, key: str, default: Any = None) -> Any:
         """An attribute."""
-        self.asked.add(key)
+        self.requested.add(key)
         return super().get(key, default)
 
 
@@ -81,7 +81,7 @@ def write_xml(root: Node, merged: bool = False, name: str = '') -> str:
         merged: Whether the elements come from several files; then lines mean nothing.
         name: Of the file, which messages about the text name.
     """
-    parts: list[str] = [f'<?{MERGED}?>'] if merged else []
+    parts: list[str] = [f'<?{MERGED_MARK}?>'] if merged else []
     parts += [f'<?{FILE} {printable(name).replace("?>", "")}?>'] if name else []
     _write(root, parts, 1)
     return ''.join(parts) + '\n'
@@ -93,9 +93,9 @@ def children(node: Element, tag: str = '') -> list[Node]:
         child for child in node if isinstance(child, Node) and child.tag == (tag or child.tag)
     ]
     if tag and isinstance(node, Node):
-        node.asked.add(tag)
+        node.requested.add(tag)
         for child in found:
-            child.heard = True
+            child.used = True
     return found
 
 
@@ -156,7 +156,7 @@ class _Building:
         raise InputError(f'{self._place()}: a robot needs no DOCTYPE and no entities')
 
     def instruction(self, target: str, data: str) -> None:
-        self._merged = self._merged or target == MERGED
+        self._merged = self._merged or target == MERGED_MARK
         if target == FILE and self.root is None:
             self._source = data
 

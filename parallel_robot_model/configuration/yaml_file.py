@@ -16,7 +16,12 @@ import yaml
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.configuration import plain_data
 from parallel_robot_model.configuration.hazards import KEY as HAZARDS
-from parallel_robot_model.configuration.plain_data import LOADER, Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import (
+    LOADER,
+    LocatedDict,
+    Location,
+    with_location,
+)
 
 TEXT, STRING = 'tag:yaml.org,2002:str', 40  # tag of a text; characters of a value in a message
 
@@ -31,7 +36,7 @@ Loader: Any = type('Loader', (LOADER,), {})
 Loader.add_implicit_resolver(*FLOAT)
 
 
-def _whole(loader: Any, node: Any) -> int:
+def _whole_number(loader: Any, node: Any) -> int:
     """A whole number; one that YAML 1.1 takes for octal is hardly meant so."""
     number: int = loader.construct_yaml_int(node)
     digits = node.value.replace('_', '').lstrip('+-')
@@ -42,7 +47,7 @@ def _whole(loader: Any, node: Any) -> int:
     return number
 
 
-Loader.add_constructor('tag:yaml.org,2002:int', _whole)
+Loader.add_constructor('tag:yaml.org,2002:int', _whole_number)
 Dumper: Any = type('Dumper', (yaml.SafeDumper,), {})
 Dumper.add_implicit_resolver(*FLOAT)
 
@@ -65,7 +70,7 @@ def kind_of(value: Any) -> str:
     return 'a date' if isinstance(value, datetime.date) else f'a {type(value).__name__}'
 
 
-def read(path: Path) -> Placed:
+def read(path: Path) -> LocatedDict:
     """Read keys and values; nested groups become dotted keys.
 
     Args:
@@ -84,7 +89,7 @@ def read(path: Path) -> Placed:
         plain_data.bound(content)
         loader = Loader(content)
         root = loader.get_single_node()
-        values = Placed()
+        values = LocatedDict()
         if not isinstance(root, yaml.MappingNode):
             raise InputError(f'{path} must hold keys and values')
         _flatten(path, loader, root, '', values)
@@ -99,7 +104,7 @@ def read(path: Path) -> Placed:
     return values
 
 
-def places(text: str, file: str) -> dict[str, Place]:
+def key_locations(text: str, file: str) -> dict[str, Location]:
     """Where the keys of a text stand, those of groups, too.
 
     Args:
@@ -109,11 +114,11 @@ def places(text: str, file: str) -> dict[str, Place]:
     Returns:
         Dotted key to place.
     """
-    places: dict[str, Place] = {}
+    places: dict[str, Location] = {}
 
     def note(node: Any, prefix: str) -> None:
         for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
-            places[f'{prefix}{key.value}'] = Place(file, key.start_mark.line + 1)
+            places[f'{prefix}{key.value}'] = Location(file, key.start_mark.line + 1)
             note(value, f'{prefix}{key.value}.')
 
     with contextlib.suppress(yaml.YAMLError):  # JSON may be none
@@ -153,7 +158,7 @@ def content(path: Path, most: int) -> bytes:
     return content
 
 
-def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) -> None:
+def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: LocatedDict) -> None:
     """Add the keys of a mapping to those found."""
     own = set()
     for key_node, value_node in node.value:
@@ -178,7 +183,7 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: Placed) ->
                 what = f'{printable(key)} cannot be {shown}: YAML reads {kind_of(item)} there'
                 raise InputError(f'{where}: {what}')
         values[key] = value
-        values.places[key] = Place(str(path), key_node.start_mark.line + 1)
+        values.locations[key] = Location(str(path), key_node.start_mark.line + 1)
 
 
 # Parameter files: keys and values, or the form in which ROS has them, by node.
@@ -196,7 +201,7 @@ def is_configuration(name: str) -> bool:
     return name not in ROS_PARAMETERS and not name.startswith(OTHER_GROUPS)
 
 
-def read_parameter_file(path: Path) -> Placed:
+def read_parameter_file(path: Path) -> LocatedDict:
     """Read a parameter file.
 
     In the form of ROS, what is for a node wins over what is for all (``/**``), whatever the
@@ -216,7 +221,7 @@ def read_parameter_file(path: Path) -> Placed:
         values = _by_node(path, values)
     for key in CODE & values.keys():
         if values[key]:
-            with locating(values):
+            with with_location(values):
                 raise InputError(f'{key} is code: give it by --set {key}=[FILE]', key)
         del values[key]
     return values
@@ -227,9 +232,11 @@ def is_ros_parameter_file(values: Mapping[str, Any]) -> bool:
     return any(MARK in key.split('.') for key in values)
 
 
-def _by_node(path: Path, values: Placed) -> Placed:
+def _by_node(path: Path, values: LocatedDict) -> LocatedDict:
     """Parameters of the nodes of the suite."""
-    parameters: dict[str, tuple[Any, str, Place]] = {}  # value, the node that it is for, its place
+    parameters: dict[
+        str, tuple[Any, str, Location]
+    ] = {}  # value, the node that it is for, its place
     strangers = set()
     for own in (False, True):  # a node's own parameters count more than those for all
         for full, value in values.items():
@@ -248,11 +255,11 @@ def _by_node(path: Path, values: Placed) -> Placed:
                     raise InputError(
                         f'{path}: {key} is {before} for {other} and {value} for {node}'
                     )
-                parameters[key] = value, node, values.places[full]
+                parameters[key] = value, node, values.locations[full]
     for name in sorted(strangers):
         text = f'{path}: {name} is not a node of the suite; its parameters are left out'
         logging.getLogger('parallel_robot').warning(text)
-    return Placed(
+    return LocatedDict(
         {key: value for key, (value, *_) in parameters.items()},
         {key: place for key, (*_, place) in parameters.items()},
     )

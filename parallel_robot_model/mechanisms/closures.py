@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import cross, dot, inner, kernel, vector
+from parallel_robot_model.compiler import cross, dot, internal, kernel, vector
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
@@ -38,8 +38,8 @@ from parallel_robot_model.mechanisms.workspace import (
 NEXT = (1, 2, 0, 1)  # coordinate after each, and the one after that
 
 
-@inner
-def place(mechanism: Mechanism, workspace: Workspace) -> None:
+@internal
+def update_frames(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write rotation, origin and S at the positions `trial`.
 
     What would be multiplied by ones and zeros is left out: frames of joints mostly have the
@@ -73,15 +73,15 @@ def place(mechanism: Mechanism, workspace: Workspace) -> None:
             put(S, i, 3, slides[i] * axis)
         if turns[i] != 0.0:
             if k == NO_COORDINATE:
-                _turn(rotation, i, triple(mechanism.axis, i), turns[i] * position)
+                _rotate(rotation, i, triple(mechanism.axis, i), turns[i] * position)
             else:
-                _turn_coordinates(rotation, i, k, turns[i] * position)
+                _rotate_about_coordinate(rotation, i, k, turns[i] * position)
             put(S, i, 0, turns[i] * axis)
             put(S, i, 3, turns[i] * cross(offset, axis) + slides[i] * axis)
         put(origin, i, 0, offset)
 
 
-@inner
+@internal
 def _copy(a: Array, j: int, out: Array, i: int) -> None:
     """Copy matrix j of `a` to matrix i, shape (3, 3)."""
     for row in range(3):
@@ -89,7 +89,7 @@ def _copy(a: Array, j: int, out: Array, i: int) -> None:
             out[i, row, k] = a[j, row, k]
 
 
-@inner
+@internal
 def _multiply(a: Array, j: int, b: Array, out: Array, i: int) -> None:
     """Write the product of matrix j of `a` and matrix i of `b` to matrix i, shape (3, 3)."""
     for row in range(3):
@@ -98,8 +98,8 @@ def _multiply(a: Array, j: int, b: Array, out: Array, i: int) -> None:
             out[i, row, k] = x * b[i, 0, k] + y * b[i, 1, k] + z * b[i, 2, k]
 
 
-@inner
-def _turn(rotation: Array, i: int, axis: Array, angle: float) -> None:
+@internal
+def _rotate(rotation: Array, i: int, axis: Array, angle: float) -> None:
     """Multiply rotation i by that about an axis of its own frame (Rodrigues)."""
     c, s = math.cos(angle), math.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
@@ -115,8 +115,8 @@ def _turn(rotation: Array, i: int, axis: Array, angle: float) -> None:
         rotation[i, row, 2] = u * x_z + v * y_z + w * z_z
 
 
-@inner
-def _turn_coordinates(rotation: Array, i: int, k: int, angle: float) -> None:
+@internal
+def _rotate_about_coordinate(rotation: Array, i: int, k: int, angle: float) -> None:
     """The same about coordinate axis k."""
     c, s = math.cos(angle), math.sin(angle)
     same = c + (1.0 - c)  # 1, but for rounding: the bits are those of any axis
@@ -128,14 +128,14 @@ def _turn_coordinates(rotation: Array, i: int, k: int, angle: float) -> None:
         rotation[i, row, k] *= same
 
 
-@inner
-def settle(mechanism: Mechanism, workspace: Workspace) -> int:
+@internal
+def evaluate(mechanism: Mechanism, workspace: Workspace) -> int:
     """Place the joints at `trial`, and write errors, Jacobian, and its factors.
 
     Returns:
         Sign of the determinant of the passive block; 0 where it is singular.
     """
-    place(mechanism, workspace)
+    update_frames(mechanism, workspace)
     if len(workspace.error) == 0:
         return 1
     errors(mechanism, workspace)
@@ -144,7 +144,7 @@ def settle(mechanism: Mechanism, workspace: Workspace) -> int:
     return factor(workspace.factors)
 
 
-@inner
+@internal
 def errors(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write the errors of all closures at the present frames."""
     group, normal, error = workspace.layout.group, workspace.layout.normal, workspace.error
@@ -157,12 +157,12 @@ def errors(mechanism: Mechanism, workspace: Workspace) -> None:
             point, other = points(mechanism, workspace, k)
             open_by = point - other
         else:
-            open_by = _turned_by(mechanism, workspace, k)
+            open_by = _rotation_error(mechanism, workspace, k)
         for row in range(k, group[g + 1]):
             error[row] = dot(triple(normal, row), open_by)
 
 
-@inner
+@internal
 def _coupling_error(mechanism: Mechanism, workspace: Workspace, k: int) -> float:
     """Position of joint a - offset - ratio * position of joint b."""
     first, second = mechanism.first[k], mechanism.second[k]
@@ -174,7 +174,7 @@ def _coupling_error(mechanism: Mechanism, workspace: Workspace, k: int) -> float
     return error * workspace.layout.unit[k]
 
 
-@inner
+@internal
 def points(mechanism: Mechanism, workspace: Workspace, k: int) -> tuple[Array, Array]:
     """Both points of a closure in the world."""
     rotation, origin = workspace.rotation, workspace.origin
@@ -184,13 +184,14 @@ def points(mechanism: Mechanism, workspace: Workspace, k: int) -> tuple[Array, A
     )
 
 
-@inner
-def _turned_by(mechanism: Mechanism, workspace: Workspace, k: int) -> Array:
+@internal
+def _rotation_error(mechanism: Mechanism, workspace: Workspace, k: int) -> Array:
     """Sine of the angle times the axis of the rotation from joint b to joint a.
 
-    It is that of E = R_a turned R_b^T, whose rows and columns are summed without E.
+    It is that of E = R_a R R_b^T, R the relative rotation, whose rows and columns are summed
+    without E.
     """
-    first, second, turned = mechanism.first[k], mechanism.second[k], mechanism.turned[k]
+    first, second, turned = mechanism.first[k], mechanism.second[k], mechanism.relative_rotation[k]
     total = nothing()
     for c in range(3):  # E = sum of outer products of columns; 2 sin * axis = sum of b x a
         a = column(turned, c)
@@ -203,7 +204,7 @@ def _turned_by(mechanism: Mechanism, workspace: Workspace, k: int) -> Array:
     return 0.5 * total
 
 
-@inner
+@internal
 def jacobian(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write the derivatives of the errors by passive and actuated joints."""
     layout, S, out = workspace.layout, workspace.S, workspace.jacobian
@@ -234,12 +235,12 @@ def jacobian(mechanism: Mechanism, workspace: Workspace) -> None:
                 i = parent[i]
 
 
-@inner
+@internal
 def _unit(scale: Array, joint: int) -> float:
     return scale[joint] if joint != BASE else 0.0
 
 
-@inner
+@internal
 def _add(out: Array, k: int, column: Index, joint: int, part: float) -> None:
     if joint != BASE and column[joint] >= 0:
         out[k, column[joint]] += part
@@ -248,7 +249,7 @@ def _add(out: Array, k: int, column: Index, joint: int, part: float) -> None:
 # Rates of the passive joints by those of the actuated ones, and their derivatives.
 
 
-@inner
+@internal
 def derive(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write W, the rates of all joints by those of the actuated ones."""
     right, jacobian, r = workspace.right, workspace.jacobian, len(workspace.error)
@@ -259,10 +260,10 @@ def derive(mechanism: Mechanism, workspace: Workspace) -> None:
             right[k, j] = -jacobian[k, r + j]
     solve_columns(workspace.factors, right)
     _units(mechanism, workspace)
-    _spread(workspace, workspace.W)
+    _scatter(workspace, workspace.W)
 
 
-@inner
+@internal
 def _units(mechanism: Mechanism, workspace: Workspace) -> None:
     """Take the units of the actuated joints out of the solution."""
     for j in range(len(mechanism.actuated)):
@@ -272,8 +273,8 @@ def _units(mechanism: Mechanism, workspace: Workspace) -> None:
                 workspace.right[k, j] *= unit
 
 
-@inner
-def _spread(workspace: Workspace, out: Array) -> None:
+@internal
+def _scatter(workspace: Workspace, out: Array) -> None:
     """Write solutions to the rows of the passive joints."""
     passive, right = workspace.layout.passive, workspace.right
     for c in range(len(passive)):
@@ -282,7 +283,7 @@ def _spread(workspace: Workspace, out: Array) -> None:
             out[passive[c], j] = unit * right[c, j]
 
 
-@inner
+@internal
 def derive_rate(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write the derivative of W; the motions of the bodies are known."""
     layout, S, S_rate, W = workspace.layout, workspace.S, workspace.S_rate, workspace.W
@@ -315,10 +316,10 @@ def derive_rate(mechanism: Mechanism, workspace: Workspace) -> None:
                             right[row, j] += part * W[i, j]
                 i = parent[i]
     solve_columns(workspace.factors, right)
-    _spread(workspace, workspace.W_rate)
+    _scatter(workspace, workspace.W_rate)
 
 
-@inner
+@internal
 def bias(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
     """Write the accelerations of all joints at no acceleration of the actuated ones.
 
@@ -344,7 +345,7 @@ def bias(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
         out[layout.passive[c]] = layout.scale[layout.passive[c]] * single[c]
 
 
-@inner
+@internal
 def _acceleration(workspace: Workspace, i: int, x: Array, is_point: bool) -> Array:
     """Acceleration of a point of body i, or of its rotation."""
     if i == BASE:
@@ -372,7 +373,7 @@ def joint_rates(mechanism: Mechanism, workspace: Workspace, velocity: Array) -> 
         rate[i] = total
 
 
-@inner
+@internal
 def motions(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
     """Write V and S_rate at the rates of all joints, shape (N,)."""
     parent, S, V, S_rate = mechanism.parent, workspace.S, workspace.V, workspace.S_rate
@@ -388,7 +389,7 @@ def motions(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
         put(S_rate, i, 3, cross(linear, turn) + cross(angular, slide))
 
 
-@inner
+@internal
 def accelerations(
     mechanism: Mechanism, workspace: Workspace, rate: Array, acceleration: Array
 ) -> None:
@@ -401,7 +402,7 @@ def accelerations(
             put(A, i, k, triple(A, j, k) + own if j != BASE else own)
 
 
-@inner
+@internal
 def move(mechanism: Mechanism, workspace: Workspace, velocity: Array) -> None:
     """Write all rates, motions, and accelerations at none of the actuated joints."""
     joint_rates(mechanism, workspace, velocity)

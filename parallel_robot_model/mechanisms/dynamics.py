@@ -17,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import cross, dot, inner, kernel, vector
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.compiler import cross, dot, internal, kernel, vector
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.closures import (
     accelerations,
     all_accelerations,
@@ -27,7 +27,7 @@ from parallel_robot_model.mechanisms.closures import (
     motions,
     move,
 )
-from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, HELD, Index, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, LOCKED, Index, Mechanism
 from parallel_robot_model.mechanisms.passive import (
     add_bias,
     add_coriolis,
@@ -50,8 +50,8 @@ from parallel_robot_model.mechanisms.workspace import Workspace, boxed, solve_sy
 # momentum f = m u + w x h, angular momentum n = J w + h x u, and half the derivative of J, D.
 
 
-@inner
-def place_bodies(mechanism: Mechanism, workspace: Workspace) -> None:
+@internal
+def update_inertias(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write `inertia` of each body: m, h, J by its rows xx xy xz yy yz zz."""
     out, rotation = workspace.inertia, workspace.rotation
     for i in range(len(mechanism.mass)):
@@ -69,7 +69,7 @@ def place_bodies(mechanism: Mechanism, workspace: Workspace) -> None:
         out[i, 9] = dot(R[2], c) + mass * (x * x + y * y)
 
 
-@inner
+@internal
 def symmetric(x: Array, i: int, k: int) -> Array:
     """The symmetric matrix in row i from element k."""
     second = vector((x[i, k + 1], x[i, k + 3], x[i, k + 4]))
@@ -77,16 +77,18 @@ def symmetric(x: Array, i: int, k: int) -> Array:
     return vector((triple(x, i, k), second, third))
 
 
-@inner
-def momentum_of(inertia: Array, i: int, turn: Array, slide: Array) -> tuple[Array, Array]:
+@internal
+def momentum_of(
+    inertia: Array, i: int, angular_part: Array, linear_part: Array
+) -> tuple[Array, Array]:
     """Angular and linear momentum of body i in a motion."""
     h = triple(inertia, i, 1)
-    angular = symmetric(inertia, i, 4) @ turn + cross(h, slide)
-    return angular, inertia[i, 0] * slide + cross(turn, h)
+    angular = symmetric(inertia, i, 4) @ angular_part + cross(h, linear_part)
+    return angular, inertia[i, 0] * linear_part + cross(angular_part, h)
 
 
-@inner
-def place_momenta(workspace: Workspace) -> None:
+@internal
+def update_momenta(workspace: Workspace) -> None:
     """Write `momentum` of each body: D by its rows xx xy xz yy yz zz, n, f."""
     inertia, out = workspace.inertia, workspace.momentum
     for i in range(len(inertia)):
@@ -127,8 +129,8 @@ def model(
     joint_rates(mechanism, workspace, velocity)
     motions(mechanism, workspace, workspace.rate)
     derive_rate(mechanism, workspace)
-    place_bodies(mechanism, workspace)
-    place_momenta(workspace)
+    update_inertias(mechanism, workspace)
+    update_momenta(workspace)
     _products(mechanism, workspace)
     add_loads(mechanism, workspace)
     add_inertia(mechanism, workspace, workspace.W, workspace.MW)
@@ -142,7 +144,7 @@ def model(
     reduce_vector(mechanism, workspace, workspace.load, gravity)
 
 
-@inner
+@internal
 def _products(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write MW, QW and the forces against gravity; bodies become composite ones."""
     S, S_rate, inertia, momentum = (
@@ -153,7 +155,7 @@ def _products(mechanism: Mechanism, workspace: Workspace) -> None:
     clear_matrix(MW)
     clear_matrix(QW)
     for i in range(len(parent) - 1, -1, -1):
-        if column[i] != HELD:
+        if column[i] != LOCKED:
             turn, slide = triple(S, i), triple(S, i, 3)
             workspace.load[i] = weight(mechanism, inertia, i, turn, slide)
             n_own, f_own = momentum_of(inertia, i, turn, slide)
@@ -165,7 +167,7 @@ def _products(mechanism: Mechanism, workspace: Workspace) -> None:
             back = (half + across) + cross(f_body, slide)
             j = i
             while j != BASE:
-                if column[j] != HELD:
+                if column[j] != LOCKED:
                     m_ij = power(S, j, n_own, f_own)
                     c_ji = power(S, j, n_rate, f_rate)
                     if i == j:
@@ -189,20 +191,24 @@ def _products(mechanism: Mechanism, workspace: Workspace) -> None:
                 momentum[j, k] += momentum[i, k]
 
 
-@inner
+@internal
 def power(motion: Array, i: int, n: Array, f: Array) -> float:
     """Angular momentum n times the turning of motion i, plus linear momentum f times its slide."""
     return dot(triple(motion, i), n) + dot(triple(motion, i, 3), f)
 
 
-@inner
-def weight(mechanism: Mechanism, inertia: Array, i: int, turn: Array, slide: Array) -> float:
+@internal
+def weight(
+    mechanism: Mechanism, inertia: Array, i: int, angular_part: Array, linear_part: Array
+) -> float:
     """Force of joint i against the gravity of the composite body."""
     down = of_array(mechanism.gravity)
-    return -dot(turn, cross(triple(inertia, i, 1), down)) - inertia[i, 0] * dot(slide, down)
+    return -dot(angular_part, cross(triple(inertia, i, 1), down)) - inertia[i, 0] * dot(
+        linear_part, down
+    )
 
 
-@inner
+@internal
 def reduce_matrix(mechanism: Mechanism, workspace: Workspace, x: Array, out: Array) -> None:
     """Write W^T x, shape (n, n), x of shape (N, n)."""
     actuated, passive, W = mechanism.actuated, workspace.layout.passive, workspace.W
@@ -217,7 +223,7 @@ def reduce_matrix(mechanism: Mechanism, workspace: Workspace, x: Array, out: Arr
                 out[a, b] += W[i, a] * x[i, b]
 
 
-@inner
+@internal
 def reduce_vector(mechanism: Mechanism, workspace: Workspace, x: Array, out: Array) -> None:
     """Write W^T x, shape (n,), x of shape (N,)."""
     actuated, passive, W = mechanism.actuated, workspace.layout.passive, workspace.W
@@ -246,7 +252,7 @@ def free_acceleration(
             matrix is not positive definite.
     """
     move(mechanism, workspace, velocity)
-    place_bodies(mechanism, workspace)
+    update_inertias(mechanism, workspace)
     _forces(mechanism, workspace)
     add_loads(mechanism, workspace)
     add_bias(mechanism, workspace)
@@ -259,7 +265,7 @@ def free_acceleration(
     solve_symmetric(workspace.inertia_matrix, out)
 
 
-@inner
+@internal
 def _forces(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write the forces of all joints at the motion of the bodies, by Newton and Euler."""
     V, A, inertia, force = workspace.V, workspace.A, workspace.inertia, workspace.force
@@ -279,18 +285,18 @@ def _forces(mechanism: Mechanism, workspace: Workspace) -> None:
                 force[j, k] += force[i, k]
 
 
-@inner
+@internal
 def _free_products(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write MW; bodies become composite ones."""
     S, inertia, W, MW = workspace.S, workspace.inertia, workspace.W, workspace.MW
     parent, column, n = mechanism.parent, workspace.layout.column, W.shape[1]
     clear_matrix(MW)
     for i in range(len(parent) - 1, -1, -1):
-        if column[i] != HELD:
+        if column[i] != LOCKED:
             n_own, f_own = momentum_of(inertia, i, triple(S, i), triple(S, i, 3))
             j = i
             while j != BASE:
-                if column[j] != HELD:
+                if column[j] != LOCKED:
                     m_ij = power(S, j, n_own, f_own)
                     if i == j:
                         m_ij += mechanism.armature[i]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from parallel_robot_model.common.units import HINGES, SLIDES, JointUnits
+from parallel_robot_model.common.units import HINGES, PRISMATIC, JointUnits
 
 
 class JointKind(NamedTuple):
@@ -20,7 +20,7 @@ class JointKind(NamedTuple):
 
 FIXED = JointKind('fixed', 0.0, 0.0, HINGES, ('fixed', 'fixed'))
 HINGE = JointKind('hinge', 1.0, 0.0, HINGES, ('continuous', 'revolute'))
-SLIDE = JointKind('slide', 0.0, 1.0, SLIDES, ('prismatic', 'prismatic'))
+SLIDE = JointKind('slide', 0.0, 1.0, PRISMATIC, ('prismatic', 'prismatic'))
 BALL = JointKind('ball', 1.0, 0.0, HINGES, single=False)
 KINDS = {kind.name: kind for kind in (HINGE, SLIDE, BALL)}  # of descriptions
 OF_FILES: dict[str, tuple[JointKind, ...]] = {  # joints of URDF and SDF: what they are made of

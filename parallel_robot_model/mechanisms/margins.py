@@ -7,12 +7,17 @@ import math
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.closing import go_back
+from parallel_robot_model.compiler import internal, kernel
+from parallel_robot_model.mechanisms.closure_solver import restore
 from parallel_robot_model.mechanisms.mechanism import FOUND, Index, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.spatial import clear, clear_matrix, copy, copy_matrix, nothing
-from parallel_robot_model.mechanisms.tool import place_tool, tool_jacobian, tool_unit, turning
+from parallel_robot_model.mechanisms.tool import (
+    rotation_coordinates,
+    tool_jacobian,
+    tool_unit,
+    update_tool,
+)
 from parallel_robot_model.mechanisms.workspace import Workspace
 
 # The smallest singular value of a small matrix, from the eigenvalues of its Gram matrix.
@@ -21,8 +26,8 @@ ITERATIONS = 20  # four are usual
 ENOUGH = 1e-3  # relative step, the cube of which is the error that is left
 
 
-@inner
-def evenness(gram: Array, tridiagonal: Array) -> float:
+@internal
+def conditioning(gram: Array, tridiagonal: Array) -> float:
     """The smallest singular value over the root mean square of all: 1 if they are equal.
 
     Args:
@@ -40,8 +45,8 @@ def evenness(gram: Array, tridiagonal: Array) -> float:
     return math.sqrt(min(1.0, max(0.0, k * smallest / total)))
 
 
-@inner
-def is_as_even(gram: Array, share: float) -> bool:
+@internal
+def is_conditioned(gram: Array, share: float) -> bool:
     """Whether `evenness` is at least a share above 0, in a third of its time.
 
     It is if A^T A, less a multiple of the identity, has only positive pivots.
@@ -66,7 +71,7 @@ def is_as_even(gram: Array, share: float) -> bool:
     return True
 
 
-@inner
+@internal
 def trace(a: Array) -> float:
     """Sum of the elements of the diagonal."""
     total = 0.0
@@ -75,7 +80,7 @@ def trace(a: Array) -> float:
     return total
 
 
-@inner
+@internal
 def _make_tridiagonal(a: Array, out: Array) -> None:
     """Householder's reflections: the diagonal to row 0, squares of that beside it to row 1.
 
@@ -106,7 +111,7 @@ def _make_tridiagonal(a: Array, out: Array) -> None:
     out[0, n - 1] = a[n - 1, n - 1]
 
 
-@inner
+@internal
 def _times_lower(a: Array, u: Array, p: Array, start: int) -> float:
     """Add the symmetric matrix times u to p, both from an index on."""
     along = 0.0
@@ -120,7 +125,7 @@ def _times_lower(a: Array, u: Array, p: Array, start: int) -> float:
     return along
 
 
-@inner
+@internal
 def _smallest_eigenvalue(tridiagonal: Array, n: int, noise: float) -> float:
     """Smallest eigenvalue of a positive matrix: Laguerre's iteration from zero, from below.
 
@@ -172,14 +177,14 @@ def margins(mechanism: Mechanism, workspace: Workspace) -> tuple[float, float]:
     closed, free = 1.0, 1.0
     if len(workspace.error) > 0:
         _of_closures(workspace)
-        closed = evenness(workspace.closure_gram, workspace.tridiagonal)
+        closed = conditioning(workspace.closure_gram, workspace.tridiagonal)
     if len(mechanism.coordinate) > 0:
         _of_tool(mechanism, workspace)
-        free = evenness(workspace.tool_gram, workspace.tridiagonal)
+        free = conditioning(workspace.tool_gram, workspace.tridiagonal)
     return closed, free
 
 
-@inner
+@internal
 def travel_left(mechanism: Mechanism, workspace: Workspace, travel: Array, q: Array) -> float:
     """Smallest distance to an end of travel [rad or m], passive joints and tendons included.
 
@@ -195,7 +200,7 @@ def travel_left(mechanism: Mechanism, workspace: Workspace, travel: Array, q: Ar
     return left
 
 
-@inner
+@internal
 def passive_travel_left(mechanism: Mechanism, workspace: Workspace) -> float:
     """Smallest distance to an end of the lengths of its elements, infinite where there is none."""
     elements, left = mechanism.elements, np.inf
@@ -209,7 +214,7 @@ def passive_travel_left(mechanism: Mechanism, workspace: Workspace) -> float:
 
 
 @kernel
-def keeps(
+def margins_hold(
     mechanism: Mechanism, workspace: Workspace, closed: float, free: float
 ) -> tuple[bool, bool]:
     """Whether each of the :func:`margins` is at least a number, from 0 to 1, in less time."""
@@ -218,32 +223,36 @@ def keeps(
         closes = _closes(workspace, closed)
     if len(mechanism.coordinate) > 0:
         _of_tool(mechanism, workspace)
-        moves = is_as_even(workspace.tool_gram, free)
+        moves = is_conditioned(workspace.tool_gram, free)
     return closes, moves
 
 
-@inner
+@internal
 def _closes(workspace: Workspace, closed: float) -> bool:
     """Whether the margin of the closures is at least a number.
 
     A posture with twice that answers for those near it: no singular value differs by more than
     the matrices do (Weyl 1912).
     """
-    known, block, root = workspace.known, workspace.known_block, math.sqrt(len(workspace.error))
-    apart = _distance(workspace.jacobian, block, workspace.tridiagonal[0])
-    if closed > 0.0 and known[0] - apart >= closed * (known[1] + apart) / root:
+    bounds, block, root = (
+        workspace.proven_bounds,
+        workspace.proven_block,
+        math.sqrt(len(workspace.error)),
+    )
+    distance = _distance(workspace.jacobian, block, workspace.tridiagonal[0])
+    if closed > 0.0 and bounds[0] - distance >= closed * (bounds[1] + distance) / root:
         return True
     _of_closures(workspace)
     size = math.sqrt(trace(workspace.closure_gram))
-    if closed > 0.0 and is_as_even(workspace.closure_gram, 2.0 * closed):
+    if closed > 0.0 and is_conditioned(workspace.closure_gram, 2.0 * closed):
         copy_matrix(workspace.jacobian, block)
-        known[0], known[1] = 2.0 * closed * size / root, size
+        bounds[0], bounds[1] = 2.0 * closed * size / root, size
         return True
     _of_closures(workspace)
-    return is_as_even(workspace.closure_gram, closed)
+    return is_conditioned(workspace.closure_gram, closed)
 
 
-@inner
+@internal
 def _distance(a: Array, b: Array, squares: Array) -> float:
     """Root of the sum of squares of a - b, of the shape of b; `squares` is room for a row."""
     clear(squares)
@@ -257,7 +266,7 @@ def _distance(a: Array, b: Array, squares: Array) -> float:
     return math.sqrt(total)
 
 
-@inner
+@internal
 def _of_closures(workspace: Workspace) -> None:
     """Write products of the columns of the passive block."""
     r, a, gram = len(workspace.error), workspace.jacobian, workspace.closure_gram
@@ -270,11 +279,11 @@ def _of_closures(workspace: Workspace) -> None:
                     gram[i, k] += x * a[row, k]
 
 
-@inner
+@internal
 def _of_tool(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write products of the columns of the tool's Jacobian, in units of tool and joints."""
-    place_tool(mechanism, workspace)
-    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, nothing()))
+    update_tool(mechanism, workspace)
+    tool_jacobian(mechanism, workspace, rotation_coordinates(mechanism, workspace, nothing()))
     n, a, gram = len(workspace.q), workspace.tool_jacobian, workspace.tool_gram
     scale, actuated = workspace.layout.scale, mechanism.actuated
     for i in range(n):
@@ -292,17 +301,17 @@ NEIGHBOURS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # row and column from a pose to
 
 
 @kernel
-def spread(
+def flood_fill(
     mechanism: Mechanism,
     workspace: Workspace,
     poses: Array,
     travel: Array,
     first: tuple[int, int],
     posture: Array,
-    found: Array,
+    results: Array,
     queue: Index,
 ) -> int:
-    """Go from pose to neighbouring pose as long as no joint is beyond its travel.
+    """Flood fill: go from pose to neighbouring pose while no joint is beyond its travel.
 
     Every posture is continued from that of a neighbour, along the shortest way of poses. Poses
     beyond an end of travel are written, too, where a neighbour is within it, but lead nowhere.
@@ -314,8 +323,8 @@ def spread(
         travel: Lower and upper ends of the actuated joints [rad or m], shape (2, n).
         first: Row and column of the pose where it begins.
         posture: Room for all joints and the angle of the tool, shape (rows, columns, N + 1).
-        found: Margins of closures and tool, and travel left [rad or m], shape (rows, columns, 3);
-            NaN before, and where no way leads.
+        results: Margins of closures and tool, and travel left [rad or m], shape (rows, columns,
+            3); NaN before, and where no way leads.
         queue: Room for as many indices as there are poses, shape (rows * columns,).
 
     Returns:
@@ -327,7 +336,7 @@ def spread(
     if fault != FOUND:
         return fault
     begin, end = 0, 0
-    if _note(mechanism, workspace, travel, posture[row, column], found[row, column]):
+    if _note(mechanism, workspace, travel, posture[row, column], results[row, column]):
         queue[end] = row * columns + column
         end += 1
     while begin < end:
@@ -337,37 +346,37 @@ def spread(
         recalled = False
         for down, right in NEIGHBOURS:
             i, k = row + down, column + right
-            if i < 0 or k < 0 or i >= rows or k >= columns or found[i, k, 0] == found[i, k, 0]:
+            if i < 0 or k < 0 or i >= rows or k >= columns or results[i, k, 0] == results[i, k, 0]:
                 continue
             if not recalled:
                 _recall(mechanism, workspace, here[:length], here[length])
             recalled = solve_pose(mechanism, workspace, poses[i, k]) != FOUND
             if recalled:
                 continue
-            if _note(mechanism, workspace, travel, posture[i, k], found[i, k]):
+            if _note(mechanism, workspace, travel, posture[i, k], results[i, k]):
                 queue[end] = i * columns + k
                 end += 1
     return FOUND
 
 
-@inner
+@internal
 def _note(
-    mechanism: Mechanism, workspace: Workspace, travel: Array, posture: Array, found: Array
+    mechanism: Mechanism, workspace: Workspace, travel: Array, posture: Array, result: Array
 ) -> bool:
     """Write the posture of the memory and its margins; whether all joints are in their travel."""
     length = len(workspace.all)
     posture[length] = workspace.angle[0]
     for i in range(length):
         posture[i] = workspace.all[i]
-    found[0], found[1] = margins(mechanism, workspace)
-    found[2] = travel_left(mechanism, workspace, travel, workspace.q)
-    return bool(found[2] >= 0.0)
+    result[0], result[1] = margins(mechanism, workspace)
+    result[2] = travel_left(mechanism, workspace, travel, workspace.q)
+    return bool(result[2] >= 0.0)
 
 
-@inner
+@internal
 def _recall(mechanism: Mechanism, workspace: Workspace, posture: Array, angle: float) -> None:
     """Let the memory be a posture of before."""
     copy(posture, workspace.all)
     for j in range(len(workspace.q)):
         workspace.q[j] = posture[mechanism.actuated[j]]
-    go_back(mechanism, workspace, angle)
+    restore(mechanism, workspace, angle)

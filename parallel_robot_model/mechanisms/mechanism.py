@@ -25,7 +25,7 @@ NOT_FINITE = 3  # a position is not a number
 
 Index = NDArray[np.int64]
 
-POINT, TURN, COUPLING = 0, 1, 2  # kinds of closures
+POINT, ORIENTATION, COUPLING = 0, 1, 2  # kinds of closures
 WHOLE, LAST, FIRST = 0, 1, 2  # parts of the rotor of a ball
 BASE = -1  # in place of a joint: what does not move
 
@@ -78,15 +78,15 @@ class Mechanism(NamedTuple):
     gravity: Array  # acceleration of gravity in the world [m/s^2], shape (3,)
     elements: Elements  # springs, dampers, rotors and lifts beside these
     # kind of each closure, shape (r,). POINT: a component of the distance between a point on
-    # joint a and one on joint b is zero; TURN: a component of the rotation from one to the
+    # joint a and one on joint b is zero; ORIENTATION: a component of the rotation from one to the
     # other is; COUPLING: position of joint a = offset + ratio * position of b
     closure: Index
     first: Index  # joint a of the closure, or BASE, shape (r,)
     second: Index  # joint b of the closure, or BASE, shape (r,)
     first_point: Array  # the point in the frame of joint a [m], shape (r, 3); POINT alone
     second_point: Array  # that in the frame of joint b [m], shape (r, 3); POINT alone
-    # rotation of b seen from a where the closure is met, shape (r, 3, 3); TURN alone
-    turned: Array
+    # rotation of b seen from a where the closure is met, shape (r, 3, 3); ORIENTATION alone
+    relative_rotation: Array
     direction: Array  # which component, a unit vector of the world, shape (r, 3)
     ratio: Array  # of a COUPLING, shape (r,)
     offset: Array  # of a COUPLING [rad or m], shape (r,)
@@ -109,7 +109,7 @@ class Mechanism(NamedTuple):
 # What follows from a mechanism once and for all: columns, units, groups of closures.
 
 NO_COORDINATE = -1  # in place of a coordinate: an axis along none
-HELD = -1  # in place of a column: a joint that is neither actuated nor passive
+LOCKED = -1  # in place of a column: a joint that is neither actuated nor passive
 GRID = 2.0**-24  # rad; of slides: times the power of two nearest to the length
 
 
@@ -117,7 +117,7 @@ class Layout(NamedTuple):
     """Tables of a mechanism of N joints, r closures and n actuated joints."""
 
     # column of each joint among the passive ones, from 0, or the actuated ones, from r, or
-    # HELD, shape (N,)
+    # LOCKED, shape (N,)
     column: Index
     # passive joints in the order of their columns, those with few closures first, so that
     # elimination fills little, shape (r,)
@@ -136,7 +136,7 @@ class Layout(NamedTuple):
     concentric: Index  # whether its frame has the origin of that before, shape (N,)
     carries: Index  # whether a joint moves the tool, shape (N,)
     rotations: int  # number of rotation coordinates of the pose
-    turns: int  # the only one, 3 to 5, or 0
+    rotation_coordinate: int  # the only one, 3 to 5, or 0
 
 
 def layout(mechanism: Mechanism) -> Layout:
@@ -145,7 +145,7 @@ def layout(mechanism: Mechanism) -> Layout:
     slides = m.turns == 0.0
     scale = np.where(slides, m.length, 1.0)
     passive = m.passive[np.argsort(_closures_on(m)[m.passive], kind='stable')]
-    column = np.full(len(m.parent), HELD)
+    column = np.full(len(m.parent), LOCKED)
     column[passive] = np.arange(len(passive))
     column[m.actuated] = len(passive) + np.arange(len(m.actuated))
     first_slides = (m.first != BASE) & slides[m.first]
@@ -155,7 +155,7 @@ def layout(mechanism: Mechanism) -> Layout:
     return Layout(
         column,
         passive,
-        np.flatnonzero(column != HELD),
+        np.flatnonzero(column != LOCKED),
         scale,
         np.where(slides, GRID * 2.0 ** round(math.log2(m.length)), GRID),
         np.array([k for k in range(len(m.closure) + 1) if not _same_points(m, k)]),
@@ -200,5 +200,5 @@ def _same_points(m: Mechanism, k: int) -> bool:
     """Whether closure k has the joints and points of that before."""
     if k in (0, len(m.closure)) or m.closure[k] == COUPLING:
         return False
-    fields = (m.closure, m.first, m.second, m.first_point, m.second_point, m.turned)
+    fields = (m.closure, m.first, m.second, m.first_point, m.second_point, m.relative_rotation)
     return all(np.array_equal(field[k], field[k - 1]) for field in fields)

@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import cross, dot, inner
+from parallel_robot_model.compiler import cross, dot, internal
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     FIRST,
@@ -32,7 +32,7 @@ from parallel_robot_model.mechanisms.spatial import in_world, of_array, triple
 from parallel_robot_model.mechanisms.workspace import Workspace
 
 
-@inner
+@internal
 def add_loads(mechanism: Mechanism, workspace: Workspace) -> None:
     """Add the forces at the posture and the rates of the workspace to `load`."""
     elements, load = mechanism.elements, workspace.load
@@ -49,7 +49,7 @@ def add_loads(mechanism: Mechanism, workspace: Workspace) -> None:
             load[j] += elements.ratio[k, j] * force
 
 
-@inner
+@internal
 def _sum(ratio: Array, k: int, x: Array) -> float:
     total = 0.0
     for j in range(len(x)):
@@ -57,7 +57,7 @@ def _sum(ratio: Array, k: int, x: Array) -> float:
     return total
 
 
-@inner
+@internal
 def _lift(mechanism: Mechanism, workspace: Workspace, i: int) -> None:
     """Take the weight that is lifted of body i off the joints that carry it."""
     elements, mass = mechanism.elements, mechanism.elements.lifted[i]
@@ -71,7 +71,7 @@ def _lift(mechanism: Mechanism, workspace: Workspace, i: int) -> None:
         j = mechanism.parent[j]
 
 
-@inner
+@internal
 def add_bias(mechanism: Mechanism, workspace: Workspace) -> None:
     """Add the forces of rotors at no acceleration of the actuated joints to `load`."""
     elements, load, bias, rate = (
@@ -96,7 +96,7 @@ def add_bias(mechanism: Mechanism, workspace: Workspace) -> None:
                 load[i - 1] += a * (bias[i - 1] + c * s * rate[k] * rate[k])
 
 
-@inner
+@internal
 def add_inertia(mechanism: Mechanism, workspace: Workspace, W: Array, out: Array) -> None:
     """Add the inertia matrix of rotors in all joints, times W, shape (N, n), to `out`."""
     elements, n = mechanism.elements, W.shape[1]
@@ -120,7 +120,7 @@ def add_inertia(mechanism: Mechanism, workspace: Workspace, W: Array, out: Array
                 out[i, k] += a * (z + s * x) + first * c * c * z
 
 
-@inner
+@internal
 def add_coriolis(mechanism: Mechanism, workspace: Workspace) -> None:
     """Add the Coriolis matrix of rotors in all joints, times `W`, to `QW`."""
     elements, W, out, rate = mechanism.elements, workspace.W, workspace.QW, workspace.rate
@@ -137,6 +137,6 @@ def add_coriolis(mechanism: Mechanism, workspace: Workspace) -> None:
                 out[i, k] += half * (y * p + x * q) - first * (y * r + z * q)
 
 
-@inner
+@internal
 def _has_rotor(ball: Array, i: int) -> bool:
     return bool(ball[i, WHOLE] + ball[i, LAST] + ball[i, FIRST] != 0.0)

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
-from parallel_robot_model.mechanisms.closing import (
+from parallel_robot_model.compiler import internal, kernel
+from parallel_robot_model.mechanisms.closure_solver import (
     ATTEMPTS,
     BENT,
     EXACT,
@@ -17,15 +17,15 @@ from parallel_robot_model.mechanisms.closing import (
     NOISE,
     SHORTEST,
     TRIES,
-    begin_at_memory,
     close,
+    commit_or_restore,
+    evaluate_trial,
     finite,
-    leave,
+    initialize,
     round_to_grid,
-    settle_there,
-    what_stops,
+    stop_reason,
 )
-from parallel_robot_model.mechanisms.closures import derive, errors, move, place, settle
+from parallel_robot_model.mechanisms.closures import derive, errors, evaluate, move, update_frames
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
     NOT_CLOSED,
@@ -36,18 +36,18 @@ from parallel_robot_model.mechanisms.mechanism import (
 from parallel_robot_model.mechanisms.spatial import clear, copy, nothing
 from parallel_robot_model.mechanisms.tool import (
     add_tool_rate,
-    aim,
     factor_tool,
-    follow,
-    miss,
-    place_tool,
     principal_rotation,
+    rotation_coordinates,
     rotation_of,
+    set_target,
     solve_tool,
     tool_bias,
     tool_jacobian,
     tool_unit,
-    turning,
+    unwrap_rotation,
+    update_error,
+    update_tool,
 )
 from parallel_robot_model.mechanisms.workspace import SIGN, TOOL_SIGN, Workspace, solve_vector
 
@@ -73,28 +73,30 @@ def solve_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
         if fault == FOUND:
             copy(pose, workspace.pose)
         return fault
-    fault = begin_at_memory(mechanism, workspace)
+    fault = initialize(mechanism, workspace)
     if fault != FOUND:
         return fault
     if not finite(pose):
         return NOT_FINITE
     angle = workspace.angle[0]
-    fault = leave(mechanism, workspace, _go(mechanism, workspace, pose), angle)
+    fault = commit_or_restore(
+        mechanism, workspace, _follow_path(mechanism, workspace, pose), angle
+    )
     if fault == FOUND:
         copy(pose, workspace.pose)
     return fault
 
 
-@inner
-def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
+@internal
+def _follow_path(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     """Go from the memory to a pose, step by step."""
     copy(workspace.all, workspace.here)
-    aim(mechanism, workspace, pose)
-    tool_jacobian(mechanism, workspace, turning(mechanism, workspace, nothing()))
+    set_target(mechanism, workspace, pose)
+    tool_jacobian(mechanism, workspace, rotation_coordinates(mechanism, workspace, nothing()))
     workspace.state[TOOL_SIGN] = factor_tool(mechanism, workspace)
     if workspace.state[TOOL_SIGN] == 0:
         return SINGULAR
-    length = _direct(mechanism, workspace)
+    length = _write_tangent(mechanism, workspace)
     done, share = 0.0, 1.0
     for _ in range(ATTEMPTS):
         if share < SHORTEST:
@@ -102,8 +104,8 @@ def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
         last = done + share >= 1.0
         failed = _step(mechanism, workspace, pose, done, share, length)
         if failed == FOUND and last:
-            failed = _arrive(mechanism, workspace, pose)
-        if failed == FOUND and not follow(mechanism, workspace):
+            failed = _converge(mechanism, workspace, pose)
+        if failed == FOUND and not unwrap_rotation(mechanism, workspace):
             failed = NOT_CLOSED
         if failed != FOUND:
             share *= 0.5
@@ -115,36 +117,36 @@ def _go(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
         share = min(1.0 - done, 2.0 * share)
         if not _linearise(mechanism, workspace, pose, done):
             return SINGULAR
-        length = _direct(mechanism, workspace)
+        length = _write_tangent(mechanism, workspace)
     driven = 0.0
     for k in range(len(pose)):
         driven = max(driven, tool_unit(mechanism, k) * abs(workspace.tool_way[1, k]))
-    return what_stops(length, driven)
+    return stop_reason(length, driven)
 
 
-@inner
+@internal
 def _linearise(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> bool:
     """Write errors of closures and tool at the trial, and their derivatives."""
-    if settle(mechanism, workspace) != workspace.state[SIGN]:
+    if evaluate(mechanism, workspace) != workspace.state[SIGN]:
         return False
     derive(mechanism, workspace)
-    place_tool(mechanism, workspace)
-    x = miss(mechanism, workspace, pose, share)
+    update_tool(mechanism, workspace)
+    x = update_error(mechanism, workspace, pose, share)
     tool_jacobian(mechanism, workspace, x)
     return factor_tool(mechanism, workspace) == workspace.state[TOOL_SIGN]
 
 
-@inner
+@internal
 def _look(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> None:
     """Write errors of closures and tool at the trial; the derivatives are those before."""
-    place(mechanism, workspace)
+    update_frames(mechanism, workspace)
     errors(mechanism, workspace)
-    place_tool(mechanism, workspace)
-    miss(mechanism, workspace, pose, share)
+    update_tool(mechanism, workspace)
+    update_error(mechanism, workspace, pose, share)
 
 
-@inner
-def _direct(mechanism: Mechanism, workspace: Workspace) -> float:
+@internal
+def _write_tangent(mechanism: Mechanism, workspace: Workspace) -> float:
     """Write the derivative of all joints by the share of the way."""
     way = workspace.way
     for k in range(len(workspace.pose)):
@@ -159,7 +161,7 @@ def _direct(mechanism: Mechanism, workspace: Workspace) -> float:
     return length
 
 
-@inner
+@internal
 def _step(
     mechanism: Mechanism,
     workspace: Workspace,
@@ -192,7 +194,7 @@ def _step(
     return NOT_CLOSED
 
 
-@inner
+@internal
 def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
     """Correct the trial by the errors of closures and tool together."""
     layout, single, trial = workspace.layout, workspace.single, workspace.trial
@@ -215,8 +217,8 @@ def _correct(mechanism: Mechanism, workspace: Workspace) -> float:
     return size
 
 
-@inner
-def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
+@internal
+def _converge(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
     """Reach the pose such that the last bits of the trial do not matter; write W."""
     for _ in range(1 + TRIES):
         round_to_grid(workspace, workspace.layout.moving)
@@ -226,10 +228,10 @@ def _arrive(mechanism: Mechanism, workspace: Workspace, pose: Array) -> int:
             return NOT_FINITE
         if _was_nearest(workspace):
             break
-    return settle_there(mechanism, workspace, True)
+    return evaluate_trial(mechanism, workspace, True)
 
 
-@inner
+@internal
 def _was_nearest(workspace: Workspace) -> bool:
     """Whether the trial before its correction was the point of the grid next to it."""
     rate, grid = workspace.rate, workspace.layout.grid
@@ -268,7 +270,7 @@ def pose_motion(
     """
     right = workspace.tool_error
     copy(workspace.q, position)
-    place_tool(mechanism, workspace)
+    update_tool(mechanism, workspace)
     x = rotation_of(mechanism, workspace.pose)  # as it was asked for, where all of it was
     if workspace.layout.rotations != 3:
         x = principal_rotation(mechanism, workspace)

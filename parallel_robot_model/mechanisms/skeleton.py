@@ -10,11 +10,11 @@ from scipy.spatial import ConvexHull
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel
-from parallel_robot_model.mechanisms.closing import close, go_back
-from parallel_robot_model.mechanisms.closures import place
+from parallel_robot_model.mechanisms.closure_solver import close, restore
+from parallel_robot_model.mechanisms.closures import update_frames
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.spatial import copy, copy_matrix
-from parallel_robot_model.mechanisms.workspace import PLACED, Workspace, boxed
+from parallel_robot_model.mechanisms.workspace import FRAMES_SET, Workspace, boxed
 
 # Many samples at once: postures, and frames for pictures.
 
@@ -53,12 +53,12 @@ def frames(
     """
     for k in range(len(positions)):
         copy(positions[k], workspace.trial)
-        place(mechanism, workspace)
+        update_frames(mechanism, workspace)
         for i in range(rotation.shape[1]):
             copy_matrix(workspace.rotation[i], rotation[k, i])
         copy_matrix(workspace.origin, origin[k])
-    if workspace.state[PLACED] != 0:
-        go_back(mechanism, workspace, workspace.angle[0])
+    if workspace.state[FRAMES_SET] != 0:
+        restore(mechanism, workspace, workspace.angle[0])
 
 
 SHORT = 1e-6  # of the length of the mechanism: less is no line
@@ -97,7 +97,7 @@ def lines(mechanism: Mechanism) -> tuple[Line, ...]:
     }
     found: list[Line] = []
     for link in sorted(carried.keys() - {BASE}):
-        points = _apart([np.zeros(3), *carried[link]], SHORT * mechanism.length)
+        points = _distinct([np.zeros(3), *carried[link]], SHORT * mechanism.length)
         tip = mechanism.tool_point if link == mechanism.tool else None
         joints = [point for point in points if point is not tip]
         corners = _outline(np.array(joints))
@@ -129,13 +129,13 @@ def _leads_along(mechanism: Mechanism, slide: int) -> bool:
     return bool(np.linalg.norm(across) <= SHORT * mechanism.length)
 
 
-def _apart(points: list[Array], distance: float) -> list[Array]:
+def _distinct(points: list[Array], distance: float) -> list[Array]:
     """Points without those that are near one before."""
-    kept: list[Array] = []
+    distinct: list[Array] = []
     for point in points:
-        if all(np.linalg.norm(point - other) > distance for other in kept):
-            kept.append(point)
-    return kept
+        if all(np.linalg.norm(point - other) > distance for other in distinct):
+            distinct.append(point)
+    return distinct
 
 
 def _outline(points: Array) -> Array:

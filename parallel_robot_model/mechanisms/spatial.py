@@ -7,46 +7,46 @@ import math
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import arctangent, cosine, cross, dot, inner, sine, vector
+from parallel_robot_model.compiler import arctangent, cosine, cross, dot, internal, sine, vector
 
 
-@inner
+@internal
 def triple(x: Array, i: int, k: int = 0) -> Array:
     """Three elements of row i from element k on."""
     return vector((x[i, k], x[i, k + 1], x[i, k + 2]))
 
 
-@inner
+@internal
 def column(x: Array, k: int) -> Array:
     """Column k of an array of three rows."""
     return vector((x[0, k], x[1, k], x[2, k]))
 
 
-@inner
+@internal
 def of_array(x: Array) -> Array:
     """An array of three elements."""
     return vector((x[0], x[1], x[2]))
 
 
-@inner
+@internal
 def nothing() -> Array:
     """The vector of zeros."""
     return vector((0.0, 0.0, 0.0))
 
 
-@inner
+@internal
 def matrix(x: Array) -> Array:
     """An array of shape (3, 3)."""
     return vector((triple(x, 0), triple(x, 1), triple(x, 2)))
 
 
-@inner
+@internal
 def velocity(angular: Array, linear: Array, point: Array) -> Array:
     """Velocity of a point of a body that moves so; `linear` is that at the world's origin."""
     return linear + cross(angular, point)
 
 
-@inner
+@internal
 def in_world(rotation: Array, origin: Array, i: int, x: Array) -> Array:
     """A point of frame i, or of the world if it is BASE, in the world."""
     if i < 0:
@@ -54,7 +54,7 @@ def in_world(rotation: Array, origin: Array, i: int, x: Array) -> Array:
     return triple(origin, i) + matrix(rotation[i]) @ x
 
 
-@inner
+@internal
 def put(x: Array, i: int, k: int, a: Array) -> None:
     """Write a vector to row i from element k on."""
     x[i, k], x[i, k + 1], x[i, k + 2] = a[0], a[1], a[2]
@@ -65,7 +65,7 @@ def put(x: Array, i: int, k: int, a: Array) -> None:
 SERIES_BELOW = 0.5  # rad, angle below which series are more accurate
 
 
-@inner
+@internal
 def rotation_vector(a: Array, b: Array) -> Array:
     """Rotation vector of a b^T, of an angle up to pi [rad]; both arrays of shape (3, 3).
 
@@ -90,8 +90,8 @@ def rotation_vector(a: Array, b: Array) -> Array:
     return factor * vector((x, y, z))
 
 
-@inner
-def turn_by(x: Array, a: Array, out: Array) -> None:
+@internal
+def rotate_by(x: Array, a: Array, out: Array) -> None:
     """Write exp(x) a, the matrix a turned by a rotation vector [rad]; shapes (3, 3)."""
     angle = math.sqrt(dot(x, x))
     s, c = _sine(angle), _versine(angle)
@@ -102,20 +102,20 @@ def turn_by(x: Array, a: Array, out: Array) -> None:
         out[0, k], out[1, k], out[2, k] = turned[0], turned[1], turned[2]
 
 
-@inner
+@internal
 def _sine(angle: float) -> float:
     """sin(t) / t."""
     return math.sin(angle) / angle if angle > 1e-9 else 1.0
 
 
-@inner
+@internal
 def _versine(angle: float) -> float:
     """(1 - cos t) / t^2."""
     half = _sine(0.5 * angle)
     return 0.5 * half * half
 
 
-@inner
+@internal
 def _third(angle: float) -> float:
     """(t - sin t) / t^3."""
     if angle < SERIES_BELOW:
@@ -123,7 +123,7 @@ def _third(angle: float) -> float:
     return (angle - math.sin(angle)) / (angle * angle * angle)
 
 
-@inner
+@internal
 def vector_rate(x: Array, angular: Array) -> Array:
     """Rate of a rotation vector at an angular velocity: by the inverse of the left Jacobian.
 
@@ -135,21 +135,21 @@ def vector_rate(x: Array, angular: Array) -> Array:
     return vector_rate_by(x, bending(x), angular)
 
 
-@inner
+@internal
 def vector_rate_by(x: Array, bent: float, angular: Array) -> Array:
     """The same with the `bending` of the vector, for many angular velocities."""
     once = cross(x, angular)
     return angular + (-0.5 * once + bent * cross(x, once))
 
 
-@inner
+@internal
 def bending(x: Array) -> float:
     """(1 - t / 2 cot(t / 2)) / t^2 with t = |x|."""
     half = 0.5 * math.sqrt(dot(x, x))
     return 0.25 * (_versine(half) - _third(half)) / _sine(half)
 
 
-@inner
+@internal
 def jacobian_rate(x: Array, rate: Array) -> Array:
     """Derivative of the left Jacobian, see `vector_rate`, times the rate of the vector."""
     angle, along, once = math.sqrt(dot(x, x)), dot(x, rate), cross(x, rate)
@@ -159,7 +159,7 @@ def jacobian_rate(x: Array, rate: Array) -> Array:
     return b_rate * once + (c_rate * cross(x, once) + _third(angle) * cross(rate, once))
 
 
-@inner
+@internal
 def _versine_slope(angle: float) -> float:
     """Derivative of (1 - cos t) / t^2 by t, over t."""
     if angle < SERIES_BELOW:
@@ -167,7 +167,7 @@ def _versine_slope(angle: float) -> float:
     return (_sine(angle) - 2.0 * _versine(angle)) / (angle * angle)
 
 
-@inner
+@internal
 def _third_slope(angle: float) -> float:
     """Derivative of (t - sin t) / t^3 by t, over t."""
     if angle < SERIES_BELOW:
@@ -175,7 +175,7 @@ def _third_slope(angle: float) -> float:
     return (_versine(angle) - 3.0 * _third(angle)) / (angle * angle)
 
 
-@inner
+@internal
 def _series(angle: float, divisors: tuple[float, ...]) -> float:
     """1 - t^2 / d1 (1 - t^2 / d2 (1 - ...))."""
     total = 1.0
@@ -187,14 +187,14 @@ def _series(angle: float, divisors: tuple[float, ...]) -> float:
 # Filling and copying arrays element by element: compiled slices take longer, and may allocate.
 
 
-@inner
+@internal
 def copy(x: Array, out: Array) -> None:
     """Copy an array of one dimension."""
     for i in range(len(out)):
         out[i] = x[i]
 
 
-@inner
+@internal
 def copy_matrix(x: Array, out: Array) -> None:
     """Copy the first rows and columns of an array of two dimensions."""
     for i in range(out.shape[0]):
@@ -202,14 +202,14 @@ def copy_matrix(x: Array, out: Array) -> None:
             out[i, k] = x[i, k]
 
 
-@inner
+@internal
 def clear(out: Array) -> None:
     """Fill an array of one dimension with zeros."""
     for i in range(len(out)):
         out[i] = 0.0
 
 
-@inner
+@internal
 def clear_matrix(out: Array) -> None:
     """Fill an array of two dimensions with zeros."""
     for i in range(out.shape[0]):

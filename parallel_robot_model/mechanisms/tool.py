@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import cross, inner, kernel, vector
+from parallel_robot_model.compiler import cross, internal, kernel, vector
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.spatial import (
     bending,
@@ -16,9 +16,9 @@ from parallel_robot_model.mechanisms.spatial import (
     jacobian_rate,
     nothing,
     of_array,
+    rotate_by,
     rotation_vector,
     triple,
-    turn_by,
     vector_rate,
     vector_rate_by,
     velocity,
@@ -31,7 +31,7 @@ ROTATIONS = 3  # the first coordinate of the rotation vector
 @kernel
 def tool_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
     """Write the pose at the closed posture, shape (m,)."""
-    place_tool(mechanism, workspace)
+    update_tool(mechanism, workspace)
     read_pose(mechanism, workspace, pose)
 
 
@@ -48,7 +48,7 @@ def tool_motion(
         pose: Pose [m, rad], shape (m,).
         rate: Its rate, shape (m,).
     """
-    place_tool(mechanism, workspace)
+    update_tool(mechanism, workspace)
     read_pose(mechanism, workspace, pose)
     tool_jacobian(mechanism, workspace, principal_rotation(mechanism, workspace))
     for k in range(len(rate)):
@@ -58,8 +58,8 @@ def tool_motion(
         rate[k] = total
 
 
-@inner
-def place_tool(mechanism: Mechanism, workspace: Workspace) -> None:
+@internal
+def update_tool(mechanism: Mechanism, workspace: Workspace) -> None:
     """Write point and frame of the tool at the present frames."""
     fixed, frame, i = mechanism.tool_rotation, workspace.tool_frame, mechanism.tool
     point = in_world(workspace.rotation, workspace.origin, i, of_array(mechanism.tool_point))
@@ -76,27 +76,30 @@ def place_tool(mechanism: Mechanism, workspace: Workspace) -> None:
                 )
 
 
-@inner
+@internal
 def principal_rotation(mechanism: Mechanism, workspace: Workspace) -> Array:
-    """Rotation vector of the tool, of an angle up to pi [rad]; zeros if it is not asked for."""
+    """Rotation vector of the tool, of an angle up to pi [rad]; zeros without a rotation."""
     for k in range(len(mechanism.coordinate)):
         if mechanism.coordinate[k] >= ROTATIONS:
             return rotation_vector(workspace.tool_frame[0], mechanism.tool_home)
     return nothing()
 
 
-@inner
-def turning(mechanism: Mechanism, workspace: Workspace, apart: Array) -> Array:
+@internal
+def rotation_coordinates(
+    mechanism: Mechanism, workspace: Workspace, rotation_error: Array
+) -> Array:
     """Rotation vector whose rate counts: that from home where only a part of it is asked for.
 
-    Else its rate is the angular velocity, where the tool is not `apart` from where it should be.
+    Else its rate is the angular velocity, where the tool is not `rotation_error` from where it
+    should be.
     """
     if workspace.layout.rotations == 3:
-        return apart
+        return rotation_error
     return principal_rotation(mechanism, workspace)
 
 
-@inner
+@internal
 def read_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
     """Write the pose at the present frames of joints and tool."""
     coordinate = mechanism.coordinate
@@ -108,41 +111,41 @@ def read_pose(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
     for k in range(len(coordinate)):
         if coordinate[k] < ROTATIONS:
             pose[k] = workspace.tool_point[coordinate[k]]
-        elif workspace.layout.turns != 0:
+        elif workspace.layout.rotation_coordinate != 0:
             pose[k] = continued(x[coordinate[k] - ROTATIONS], workspace.angle[0])
         else:
             pose[k] = x[coordinate[k] - ROTATIONS]
 
 
-@inner
+@internal
 def continued(angle: float, before: float) -> float:
     """The angle plus whole turns that is nearest to one before [rad]."""
     return angle + 2.0 * math.pi * math.floor((before - angle) / (2.0 * math.pi) + 0.5)
 
 
-@inner
-def follow(mechanism: Mechanism, workspace: Workspace) -> bool:
+@internal
+def unwrap_rotation(mechanism: Mechanism, workspace: Workspace) -> bool:
     """Let the only rotation coordinate follow from the posture `here`, beyond pi, too.
 
     Returns:
         Whether the joints turn little enough to know how the tool does.
     """
-    turns = workspace.layout.turns
-    if turns == 0:
+    coordinate = workspace.layout.rotation_coordinate
+    if coordinate == 0:
         return True
-    turned = 0.0
+    joint_rotation = 0.0
     for i in range(len(mechanism.turns)):
         if workspace.layout.carries[i]:
-            turned += abs(mechanism.turns[i] * (workspace.trial[i] - workspace.here[i]))
-    if not turned < math.pi:
+            joint_rotation += abs(mechanism.turns[i] * (workspace.trial[i] - workspace.here[i]))
+    if not joint_rotation < math.pi:
         return False
-    place_tool(mechanism, workspace)
+    update_tool(mechanism, workspace)
     x = principal_rotation(mechanism, workspace)
-    workspace.angle[0] = continued(x[turns - ROTATIONS], workspace.angle[0])
+    workspace.angle[0] = continued(x[coordinate - ROTATIONS], workspace.angle[0])
     return True
 
 
-@inner
+@internal
 def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Array) -> None:
     """Write the rate of the pose by the actuated joints; `x` is the rotation vector [rad]."""
     out, W, coordinate = workspace.tool_jacobian, workspace.W, mechanism.coordinate
@@ -165,7 +168,7 @@ def tool_jacobian(mechanism: Mechanism, workspace: Workspace, x: Array) -> None:
         i = mechanism.parent[i]
 
 
-@inner
+@internal
 def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Array, out: Array) -> None:
     """Write the acceleration of the pose at none of the actuated joints, shape (m,).
 
@@ -186,7 +189,7 @@ def tool_bias(mechanism: Mechanism, workspace: Workspace, x: Array, out: Array) 
         out[k] = linear[c] if c < ROTATIONS else rotation[c - ROTATIONS]
 
 
-@inner
+@internal
 def factor_tool(mechanism: Mechanism, workspace: Workspace) -> int:
     """Write the LU of `tool_jacobian`, in units that make its elements numbers.
 
@@ -202,7 +205,7 @@ def factor_tool(mechanism: Mechanism, workspace: Workspace) -> int:
     return factor(workspace.tool_factors)
 
 
-@inner
+@internal
 def tool_unit(mechanism: Mechanism, k: int) -> float:
     """What makes a coordinate of the pose a number."""
     if len(mechanism.coordinate) > 0 and mechanism.coordinate[k] < ROTATIONS:
@@ -210,7 +213,7 @@ def tool_unit(mechanism: Mechanism, k: int) -> float:
     return 1.0
 
 
-@inner
+@internal
 def solve_tool(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
     """Replace a rate of the pose in `tool_error` by that of the actuated joints in `out`."""
     right = workspace.tool_error
@@ -224,36 +227,36 @@ def solve_tool(mechanism: Mechanism, workspace: Workspace, out: Array) -> None:
 # The way of the tool from one pose to another, and how far it is from a share of it.
 
 
-@inner
-def aim(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
-    """Write where the way begins and its whole length."""
+@internal
+def set_target(mechanism: Mechanism, workspace: Workspace, pose: Array) -> None:
+    """Set the target pose: write where the way begins and its whole length."""
     begin, way, frame = workspace.tool_way[0], workspace.tool_way[1], workspace.tool_frame
-    place_tool(mechanism, workspace)
+    update_tool(mechanism, workspace)
     read_pose(mechanism, workspace, begin)
     copy_matrix(frame[0], frame[1])
-    turn = nothing()
+    rotation = nothing()
     if workspace.layout.rotations == 3:
         _target(mechanism, workspace, pose, 1.0)
-        turn = rotation_vector(frame[2], frame[1])
+        rotation = rotation_vector(frame[2], frame[1])
     for k in range(len(pose)):
         c = mechanism.coordinate[k]
         if workspace.layout.rotations == 3 and c >= ROTATIONS:
-            way[k] = turn[c - ROTATIONS]
+            way[k] = rotation[c - ROTATIONS]
         else:
             way[k] = pose[k] - begin[k]
 
 
-@inner
+@internal
 def _target(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> None:
     """Write the frame of the tool at a share of the way."""
     if share >= 1.0:
-        turn_by(rotation_of(mechanism, pose), mechanism.tool_home, workspace.tool_frame[2])
+        rotate_by(rotation_of(mechanism, pose), mechanism.tool_home, workspace.tool_frame[2])
     else:
         turn = share * rotation_of(mechanism, workspace.tool_way[1])
-        turn_by(turn, workspace.tool_frame[1], workspace.tool_frame[2])
+        rotate_by(turn, workspace.tool_frame[1], workspace.tool_frame[2])
 
 
-@inner
+@internal
 def rotation_of(mechanism: Mechanism, pose: Array) -> Array:
     """Rotation vector in a pose, or in a way of poses; zeros for what it has not."""
     x, y, z = 0.0, 0.0, 0.0
@@ -267,26 +270,26 @@ def rotation_of(mechanism: Mechanism, pose: Array) -> Array:
     return vector((x, y, z))
 
 
-@inner
-def miss(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> Array:
+@internal
+def update_error(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) -> Array:
     """Write how far the tool is from a share of the way.
 
     Returns:
         Rotation vector whose rate counts.
     """
     begin, way, error = workspace.tool_way[0], workspace.tool_way[1], workspace.tool_error
-    apart = nothing()
+    rotation_error = nothing()
     if workspace.layout.rotations == 3:
         _target(mechanism, workspace, pose, share)
-        apart = rotation_vector(workspace.tool_frame[0], workspace.tool_frame[2])
-    x = turning(mechanism, workspace, apart)
+        rotation_error = rotation_vector(workspace.tool_frame[0], workspace.tool_frame[2])
+    x = rotation_coordinates(mechanism, workspace, rotation_error)
     for k in range(len(pose)):
         c = mechanism.coordinate[k]
         target = pose[k] if share >= 1.0 else begin[k] + share * way[k]
         if c < ROTATIONS:
             error[k] = workspace.tool_point[c] - target
         elif workspace.layout.rotations == 3:
-            error[k] = apart[c - ROTATIONS]
+            error[k] = rotation_error[c - ROTATIONS]
         elif workspace.layout.rotations == 1:
             error[k] = continued(x[c - ROTATIONS], target) - target
         else:
@@ -294,7 +297,7 @@ def miss(mechanism: Mechanism, workspace: Workspace, pose: Array, share: float) 
     return x
 
 
-@inner
+@internal
 def add_tool_rate(mechanism: Mechanism, workspace: Workspace, rate: Array) -> None:
     """Add the rate of the pose at rates of the joints, shape (N,), to the error of the tool."""
     point = of_array(workspace.tool_point)
@@ -308,7 +311,7 @@ def add_tool_rate(mechanism: Mechanism, workspace: Workspace, rate: Array) -> No
     apart = nothing()
     if workspace.layout.rotations == 3:
         apart = rotation_vector(workspace.tool_frame[0], workspace.tool_frame[2])
-    rotation = vector_rate(turning(mechanism, workspace, apart), angular)
+    rotation = vector_rate(rotation_coordinates(mechanism, workspace, apart), angular)
     for k in range(len(workspace.pose)):
         c = mechanism.coordinate[k]
         part = linear[c] if c < ROTATIONS else rotation[c - ROTATIONS]

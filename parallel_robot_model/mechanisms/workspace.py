@@ -12,7 +12,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import RobotError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Boxed, inner, kernel
+from parallel_robot_model.compiler import Boxed, internal, kernel
 from parallel_robot_model.mechanisms.mechanism import Index, Layout, Mechanism, layout
 from parallel_robot_model.mechanisms.spatial import copy
 
@@ -46,7 +46,7 @@ def factors(n: int) -> Factors:
     )
 
 
-@inner
+@internal
 def factor(system: Factors) -> int:
     """Replace the matrix by its LU; rows stay where they are.
 
@@ -95,7 +95,7 @@ def factor(system: Factors) -> int:
     return sign
 
 
-@inner
+@internal
 def solve_vector(system: Factors, b: Array) -> None:
     """Replace a right side, shape (n,), by the solution."""
     a, row, filled, left, right, _, x = system
@@ -114,7 +114,7 @@ def solve_vector(system: Factors, b: Array) -> None:
         b[i] = total * a[r, i]
 
 
-@inner
+@internal
 def solve_columns(system: Factors, b: Array) -> None:
     """Replace right sides, shape (n, k), by the solutions; k is a multiple of WIDTH."""
     a, row, filled, left, right, _, x = system
@@ -141,7 +141,7 @@ def solve_columns(system: Factors, b: Array) -> None:
 # Symmetric, positive definite systems, in place.
 
 
-@inner
+@internal
 def solve_symmetric(a: Array, b: Array) -> None:
     """Replace b, shape (n,), by the solution of a x = b; a, shape (n, n), becomes its L D L^T.
 
@@ -163,7 +163,7 @@ def solve_symmetric(a: Array, b: Array) -> None:
             b[i] -= a[j, i] * b[j]
 
 
-PLACED, SIGN, TOOL_SIGN = range(3)  # what `state` holds
+FRAMES_SET, SIGN, TOOL_SIGN = range(3)  # what `state` holds
 
 
 class Workspace(NamedTuple):
@@ -218,8 +218,8 @@ class Workspace(NamedTuple):
     tool_error: Array  # distance from a pose, shape (n,)
     # what the singular values of `known_block` are at least; the root of the sum of their
     # squares, shape (2,)
-    known: Array
-    known_block: Array  # passive block of a posture with room around it, shape (r, r)
+    proven_bounds: Array
+    proven_block: Array  # passive block of a posture with room around it, shape (r, r)
     closure_gram: Array  # products of the columns of the passive block, shape (r, r)
     tool_gram: Array  # products of the columns of the tool's Jacobian, shape (n, n)
     tridiagonal: Array  # a matrix by its diagonals, and room, shape (4, max(r, n))
@@ -252,7 +252,7 @@ def workspace(mechanism: Mechanism) -> Workspace:
         **{'single': (r,), 'inertia': (N, 10), 'momentum': (N, 12), 'inertia_matrix': (n, n)},
         **{'tool_jacobian': (m, n), 'tool_frame': (3, 3, 3)},
         **{'tool_point': (3,), 'tool_bias': (m,), 'tool_way': (2, m), 'tool_error': (n,)},
-        **{'known': (2,), 'known_block': (r, r), 'closure_gram': (r, r)},
+        **{'proven_bounds': (2,), 'proven_block': (r, r), 'closure_gram': (r, r)},
         **{'tool_gram': (n, n), 'tridiagonal': (4, max(r, n))},
     }
     made = Workspace(
@@ -274,10 +274,10 @@ def boxed(mechanism: Mechanism) -> tuple[Any, Any]:
 
 
 @kernel
-def begin(mechanism: Mechanism, workspace: Workspace) -> None:
+def reset_to_home(mechanism: Mechanism, workspace: Workspace) -> None:
     """Begin anew at home."""
     copy(mechanism.home, workspace.all)
     for j in range(len(workspace.q)):
         workspace.q[j] = mechanism.home[mechanism.actuated[j]]
     workspace.angle[0] = 0.0
-    workspace.state[PLACED] = 0
+    workspace.state[FRAMES_SET] = 0

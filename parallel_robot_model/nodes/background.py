@@ -27,16 +27,18 @@ class Background:
     does all at once.
     """
 
-    def __init__(self, node: Node, survive: Callable[[Exception], None]) -> None:
+    def __init__(self, node: Node, on_error: Callable[[Exception], None]) -> None:
         """Prepare.
 
         Args:
             node: The node, for the executor of its loop.
-            survive: Called with what a work raises.
+            on_error: Called with what a work raises.
         """
-        self._node, self._survive = node, survive
+        self._node, self._on_error = node, on_error
         self._pool: ThreadPoolExecutor | None = None
-        self._rest = ThreadPoolExecutor(1, 'rest', realtime.give_way)  # starts when it is needed
+        self._rest = ThreadPoolExecutor(
+            1, 'rest', realtime.lower_priority
+        )  # starts when it is needed
         self._thread = 0  # identity of the thread
         self._closed = threading.Event()
 
@@ -109,7 +111,7 @@ class Background:
                 pool.shutdown(cancel_futures=True)
 
     def _begin(self) -> None:
-        realtime.give_way()
+        realtime.lower_priority()
         self._thread = threading.get_ident()
 
     def _guarded(self, work: Callable[[], object]) -> None:
@@ -117,7 +119,7 @@ class Background:
             work()
         except Exception as error:
             if not self._closed.is_set():  # else its publisher or service is gone
-                self._survive(error)
+                self._on_error(error)
 
 
 # How long the callbacks of a node hold its loop.

@@ -96,7 +96,7 @@ def listen(
     return node.create_subscription(message_class(topic.type), topic.name, pass_on, qos, raw=True)
 
 
-NOT_KNOWN = 'one that is not known yet'
+UNKNOWN_NODE = 'one that is not known yet'
 UNKNOWN = '_NODE_NAME_UNKNOWN_'  # for ROS, of a node that was discovered a moment ago
 
 
@@ -107,22 +107,26 @@ class Connections:
         self,
         node: Node,
         loop: LoopParameters,
-        on_stranger: Callable[[Topic, bool], None],
-        on_others: Callable[[Topic], None],
+        on_unknown_publisher: Callable[[Topic, bool], None],
+        on_foreign_joints: Callable[[Topic], None],
     ) -> None:
         """Prepare; nothing is connected yet.
 
         Args:
             node: The node.
             loop: Time mode, and how many subscribers each essential output has.
-            on_stranger: Called for each message that may be of another publisher than those
-                before; with its topic, and whether publishers take turns.
-            on_others: Called for each message that is dropped because none of its joints is ours.
+            on_unknown_publisher: Called for each message that may be of another publisher than
+                those before; with its topic, and whether publishers take turns.
+            on_foreign_joints: Called for each message that is dropped because none of its joints
+                is ours.
         """
         self._node = node
         self._lockstep = loop.lockstep
         self._subscribers = loop.subscribers
-        self._on_stranger, self._on_others = on_stranger, on_others
+        self._on_unknown_publisher, self._on_foreign_joints = (
+            on_unknown_publisher,
+            on_foreign_joints,
+        )
         self._joints = loop.joints
         self._outputs: list[Publisher] = []  # the essential ones
         self._inputs: dict[Topic, Subscription] = {}
@@ -152,12 +156,12 @@ class Connections:
 
         def take(data: bytes, _: int, number: int) -> None:
             nonlocal shared
-            if ours is not None and ours.others(data):
+            if ours is not None and ours.is_foreign(data):
                 shared = True
-                self._on_others(topic)
-            elif watched.strange(number):
+                self._on_foreign_joints(topic)
+            elif watched.is_unknown(number):
                 if watched.contradicted(shared):
-                    self._on_stranger(topic, watched.several())
+                    self._on_unknown_publisher(topic, watched.several())
             else:
                 callback(data)
 
@@ -165,15 +169,15 @@ class Connections:
             self._complete = self._complete or not self.without_subscribers()
             if not self._complete:
                 return
-            if watched.strange(number):
-                self._on_stranger(topic, watched.several())
+            if watched.is_unknown(number):
+                self._on_unknown_publisher(topic, watched.several())
             callback(data)
 
         qos = QoSProfile(depth=QUEUE)
         if not (complete or self._lockstep):
             qos = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-        heard = take_all if self._lockstep else take
-        self._inputs[topic] = listen(self._node, topic, qos, heard)
+        listener = take_all if self._lockstep else take
+        self._inputs[topic] = listen(self._node, topic, qos, listener)
 
     def lost(self, topic: Topic) -> int:
         """Number of messages of a topic that were sent and did not come, or too many at once."""
@@ -226,7 +230,7 @@ class Connections:
         """A line that names the nodes that publish on a topic, by its full name."""
         publishers = self._node.get_publishers_info_by_topic(name)
         nodes = sorted(
-            NOT_KNOWN
+            UNKNOWN_NODE
             if one.node_name == UNKNOWN
             else f'{one.node_namespace.rstrip("/")}/{one.node_name}'
             for one in publishers
@@ -235,15 +239,20 @@ class Connections:
         return printable(f'{name} has {len(nodes)} publisher{several}: {", ".join(nodes)}')
 
 
-# The period with which joint states come, for a node that is told ``period: auto``.
+# The period with which joint states come, for a node with ``period: auto``.
 
 AUTO = 'auto'
 FEW = 20  # steps from a state to the next, at least, of which the period is found
 SPAN = NANOSECONDS // 2  # ns, over all of them, at least
 LOOK = 0.1  # s, between two looks whether the states suffice
 REMINDER = 5.0  # s, from one word that it still waits to the next
-ASKED = 'controller', 'trajectory', 'recorder', 'monitor'  # nodes whose period counts, in order
-PATIENCE = 5.0  # s, in which one of them answers
+PERIOD_SOURCES = (
+    'controller',
+    'trajectory',
+    'recorder',
+    'monitor',
+)  # nodes whose period counts, in order
+ANSWER_TIMEOUT = 5.0  # s, in which one of them answers
 ALIKE = 0.01  # share of the period, by which that of another node may differ from it
 
 
@@ -264,7 +273,7 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
     ours, stamps, parent = OurJoints(JOINT_STATES, joints), [], os.getppid()
 
     def take(data: bytes, _: int, number: int) -> None:
-        stamp = None if ours.others(data) else layouts.header_stamp(data)
+        stamp = None if ours.is_foreign(data) else layouts.header_stamp(data)
         if stamp is not None:
             stamps.append(stamp)
 
@@ -274,10 +283,10 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
     executor.add_node(node)
     others = {
         name: node.create_client(GetParameters, f'{name}/get_parameters')
-        for name in ASKED
+        for name in PERIOD_SOURCES
         if name != node.get_name()
     }
-    told, period = -REMINDER, 0
+    reported, period = -REMINDER, 0
     while not period:
         end = time.monotonic() + LOOK
         while time.monotonic() < end:
@@ -285,9 +294,9 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
         period = period_of(np.array(stamps, np.int64))
         if end_with_parent and os.getppid() != parent:
             raise SystemExit(0)
-        if not period and end - told > REMINDER:
+        if not period and end - reported > REMINDER:
             node.get_logger().warning(f'period {AUTO}: waits for {subscription.topic_name}')
-            told = end
+            reported = end
     node.destroy_subscription(subscription)
     agreed = _agreed(node, executor, others, period)
     executor.remove_node(node)
@@ -298,17 +307,17 @@ def wait_for_period(node: Node, joints: tuple[str, ...], end_with_parent: bool) 
 
 
 def _agreed(
-    node: Node, executor: SingleThreadedExecutor, others: Mapping[str, Client], period: int
+    node: Node, executor: SingleThreadedExecutor, names: Mapping[str, Client], period: int
 ) -> int:
     """The period that another node of the run has, if it is about the same, else this one [ns].
 
     Those that come first among them are waited for, so that two never take that of each other.
     """
     there = node.get_node_names_and_namespaces()
-    for name, client in others.items():
-        before = node.get_name() not in ASKED[: ASKED.index(name)]
+    for name, client in names.items():
+        before = node.get_name() not in PERIOD_SOURCES[: PERIOD_SOURCES.index(name)]
         first = before and (name, node.get_namespace()) in there
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + ANSWER_TIMEOUT
         while first and not client.service_is_ready() and time.monotonic() < end:
             executor.spin_once(timeout_sec=LOOK)
         if not client.service_is_ready():

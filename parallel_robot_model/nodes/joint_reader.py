@@ -129,7 +129,7 @@ class OurJoints:
         self._type, self._joints = topic.type, set(joints)
         self._known = b'', 0  # begin and length of the last message that was ours
 
-    def others(self, data: bytes) -> bool:
+    def is_foreign(self, data: bytes) -> bool:
         """Whether a message names joints, and none of ours."""
         seen = data[STAMPED : STAMPED + LOOKED_AT], len(data)
         if seen == self._known:
@@ -161,10 +161,10 @@ class _Stream:
     """Messages whose numbers follow each other, as those of one publisher do."""
 
     def __init__(self, number: int, now: float, rate: float) -> None:
-        # number: number of the last one that can be no other publisher's; heard: time of
+        # number: number of the last one that can be no other publisher's; last_time: time of
         # the last one that can be its [s]; rate: messages in a second, on average; after
         # one message, those that are assumed; run: messages in a row
-        self.number, self.heard, self.rate, self.run = number, now, rate, 1
+        self.number, self.last_time, self.rate, self.run = number, now, rate, 1
         self._time = now  # s, of the last one that can be no other publisher's
         self._owed = 0.0  # messages that were due and have not come: they may come at once
         self._first, self._since, self._measured = number, now, False  # of the average
@@ -177,7 +177,7 @@ class _Stream:
 
     def may_send(self, number: int, now: float) -> bool:
         """Whether a message may be of this publisher, if it still publishes."""
-        if now - self.heard < max(SETTLED, self.pause):
+        if now - self.last_time < max(SETTLED, self.pause):
             return self.follows(number, now)
         return 0 < number - self.number <= SLACK
 
@@ -189,10 +189,10 @@ class _Stream:
     def take(self, number: int, now: float) -> None:
         """Note a message that can be no other publisher's."""
         passed = now - self._time
-        kept = self._owed * (1.0 - passed / WINDOW) if passed < WINDOW else 0.0
-        owed = kept + self.rate * passed - (number - self.number)
+        remaining = self._owed * (1.0 - passed / WINDOW) if passed < WINDOW else 0.0
+        owed = remaining + self.rate * passed - (number - self.number)
         self._owed = owed if owed > 0.0 else 0.0
-        self.number, self.heard, self._time = number, now, now
+        self.number, self.last_time, self._time = number, now, now
         self.run += 1
         elapsed = now - self._since
         if elapsed > WINDOW or not self._measured:
@@ -205,8 +205,8 @@ class SinglePublisher:
     """Watches the numbers of the messages of a topic, at any rate.
 
     The middleware numbers the messages of each publisher one by one, and does not say whose they
-    are. The publisher that is heard first is trusted. A message that cannot be its next one is a
-    stranger's; one that may be either's is not used. Another publisher is trusted when the
+    are. The publisher that sends first is trusted. A message that cannot be its next one is of an
+    unknown publisher; one that may be either's is not used. Another publisher is trusted when the
     trusted one has been silent for a while, and the other's numbers follow each other. Numbers
     may be missing: those messages were lost. Without numbers, nothing is noticed.
     """
@@ -226,15 +226,17 @@ class SinglePublisher:
         # s, for which the trusted one had been silent when another was heard last
         self.silence = 0.0
         self._trusted: _Stream | None = None
-        self._other: _Stream | None = None  # the stranger heard last
+        self._other: _Stream | None = None  # the unknown publisher that sent last
         self._last = 0  # number of the last message, whosever
-        self._interrupted = False  # whether a stranger was heard after the trusted one
-        self._turned_at = -math.inf  # s, when a publisher was last heard again after another one
+        self._interrupted = False  # whether another one sent after the trusted one
+        self._alternated_at = (
+            -math.inf
+        )  # s, when a publisher was last heard again after another one
         self._several = False  # whether that was twice within SETTLED
 
     def several(self) -> bool:
         """Whether publishers take turns: twice within a second, and just now."""
-        return self._several and self._clock() - self._turned_at < SETTLED
+        return self._several and self._clock() - self._alternated_at < SETTLED
 
     def contradicted(self, shared: bool) -> bool:
         """Whether a message that was not used is known to be of a second publisher.
@@ -242,11 +244,12 @@ class SinglePublisher:
         Else it came while that was still to be found, or after many that were lost.
 
         Args:
-            shared: Whether others, whose messages are told by their content, publish there, too.
+            shared: Whether others, whose messages are recognised by their content, publish there,
+                too.
         """
         return self.several() or (self._trusted is not None and not shared)
 
-    def strange(self, number: int) -> bool:
+    def is_unknown(self, number: int) -> bool:
         """Whether a message may be of another publisher, so that it must not be used.
 
         Args:
@@ -263,14 +266,14 @@ class SinglePublisher:
                 trusted.take(number, now)
                 if self._interrupted:
                     self._interrupted = False
-                    self._turn(now)
+                    self._note_alternation(now)
                 return False
-            trusted.heard = now
+            trusted.last_time = now
             if number <= last:
-                other.heard, other.run = now, max(2, other.run)
-                self._turn(now)
+                other.last_time, other.run = now, max(2, other.run)
+                self._note_alternation(now)
             return True
-        self.silence = now - trusted.heard if trusted is not None else 0.0
+        self.silence = now - trusted.last_time if trusted is not None else 0.0
         if self._is_to_be_trusted(number, last, now):
             self._trusted, self._other, self._interrupted = self._other, None, False
             return False
@@ -282,12 +285,12 @@ class SinglePublisher:
         trusted, other, alone = self._trusted, self._other, self._alone()
         silence = SILENCE if alone or trusted is None else max(SILENCE, trusted.pause)
         if other is not None and other.follows(number, now):
-            if now - other.heard > silence and not alone:
+            if now - other.last_time > silence and not alone:
                 other.run = 0  # a command now and then is no stream of commands
             other.take(number, now)
         else:
-            if other is not None and number <= last and not self._is_heard(now):
-                self._turn(now)
+            if other is not None and number <= last and not self._is_publishing(now):
+                self._note_alternation(now)
             other = self._other = _Stream(number, now, trusted.rate if trusted else 0.0)
             if trusted is not None and 0 <= trusted.number - number <= SLACK:
                 other.run = 2  # so near that the next one may be taken for the trusted one's
@@ -295,11 +298,11 @@ class SinglePublisher:
                 return True  # the first message, or one after many that were lost
         if trusted is None:
             return alone or other.run >= RUN
-        return other.run >= RUN and now - trusted.heard >= silence
+        return other.run >= RUN and now - trusted.last_time >= silence
 
-    def _is_heard(self, now: float) -> bool:
-        return self._trusted is not None and now - self._trusted.heard < SILENCE
+    def _is_publishing(self, now: float) -> bool:
+        return self._trusted is not None and now - self._trusted.last_time < SILENCE
 
-    def _turn(self, now: float) -> None:
-        self._several = now - self._turned_at < SETTLED
-        self._turned_at = now
+    def _note_alternation(self, now: float) -> None:
+        self._several = now - self._alternated_at < SETTLED
+        self._alternated_at = now

@@ -31,7 +31,7 @@ from parallel_robot_model.nodes import middleware
 from parallel_robot_model.nodes.background import SWITCH
 from parallel_robot_model.nodes.suite_node import SuiteNode
 from parallel_robot_model.processes import realtime
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.termination_signals import termination_signals
 
 # The command line of a node: ROS arguments, arguments of its own, help.
 
@@ -39,7 +39,7 @@ AddArguments = Callable[[argparse.ArgumentParser], None]
 
 
 def _read_arguments(
-    node: Callable[..., Any], words: Sequence[str], add_arguments: AddArguments | None = None
+    node: Callable[..., Any], arguments: Sequence[str], add_arguments: AddArguments | None = None
 ) -> dict[str, Any]:
     """Read the command line of a node; ``--help`` is answered, and ends the process."""
     name = node.__name__.removesuffix('Node').lower()
@@ -59,7 +59,7 @@ def _read_arguments(
     if add_arguments is not None:
         add_arguments(parser)
     try:
-        own = remove_ros_args(list(words))
+        own = remove_ros_args(list(arguments))
     except RuntimeError as error:  # base of all that rcl says of its arguments
         text = str(error).splitlines()[0]
         raise InputError(f'unknown ROS arguments {text}' if text[0] == '[' else text) from None
@@ -89,16 +89,19 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
         stop.append(number)
         if node is None:  # perhaps for half a minute: the compiler cannot be interrupted cleanly
             os._exit(0)  # nothing has begun yet
-        node.end_time()
+        node.stop_timer()
 
-    for number in ending_signals():
+    for number in termination_signals():
         signal.signal(number, on_signal)
     log_to_ros()
     sys.setswitchinterval(SWITCH)
     try:
         given = _read_arguments(make, sys.argv, add_arguments)
-        transport_choice = middleware.asked_middleware(sys.argv)
-        with middleware.explained(), middleware.chosen_transport(transport_choice) as transport:
+        transport_choice = middleware.requested_middleware(sys.argv)
+        with (
+            middleware.wrap_rcl_errors(),
+            middleware.chosen_transport(transport_choice) as transport,
+        ):
             _initialise()
             node = make(**given)
         middleware.check_middleware(node.loop.middleware, transport_choice)
@@ -110,7 +113,7 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
     try:
         executor.add_node(node)
         prepare_to_log()
-        if text := realtime.discovery_doubt():
+        if text := realtime.discovery_warning():
             node.get_logger().warning(text)
         gc.collect()
         gc.freeze()  # little is allocated from here on: collections stay short
@@ -122,7 +125,7 @@ def run_node(make: Callable[..., SuiteNode], add_arguments: AddArguments | None 
             _spin(executor, node)
             if node.loop.end_with_parent and os.getppid() != parent:
                 node.get_logger().info('the process that started this node has ended')
-                node.end_time()
+                node.stop_timer()
                 break
     except ParallelRobotError as error:
         node.fail(error)
@@ -159,7 +162,7 @@ def _end(executor: Executor, node: SuiteNode) -> None:
     executor.remove_node(node)
     node.destroy_node()
     rclpy.try_shutdown()
-    for number in ending_signals():
+    for number in termination_signals():
         # Python takes its handlers back as it exits: a second Ctrl-C would end that with an error.
         signal.signal(number, signal.SIG_IGN)
     faulthandler.cancel_dump_traceback_later()

@@ -38,7 +38,7 @@ USER_VARIABLES = (  # with which users set up Fast DDS
     'ROS_DISCOVERY_SERVER',
     'ROS_STATIC_PEERS',
 )
-LOG_PLACES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')  # in this order
+LOG_VARIABLES = ('ROS_LOG_DIR', 'ROS_HOME', 'HOME')  # in this order
 HINTS = {  # by a part of what the middleware says
     'log': '; ROS_LOG_DIR names a directory for its log, which you can write',
     'peer': '; ROS_STATIC_PEERS names hosts that are known here',
@@ -46,14 +46,14 @@ HINTS = {  # by a part of what the middleware says
 USER_PROFILES = 'DEFAULT_FASTRTPS_PROFILES.xml'  # Fast DDS reads it in the current directory
 
 
-def asked_middleware(words: Sequence[str]) -> str:
+def requested_middleware(arguments: Sequence[str]) -> str:
     """Value of the parameter ``middleware`` on a command line, else its default.
 
     The node's parameters are not known yet: rclpy reads them after it has made its participant.
     A value in a parameter file counts for whichever node it stands.
     """
     transport = config.default(KEY)
-    for option, word in itertools.pairwise(words):
+    for option, word in itertools.pairwise(arguments):
         if option in ('-p', '--param'):
             key, _, value = word.partition(':=')
             if key.rpartition(':')[2] == KEY:  # NODE:KEY or KEY
@@ -77,13 +77,13 @@ def check_middleware(value: str, expected: str) -> None:
 
 
 @contextmanager
-def explained() -> Iterator[None]:
+def wrap_rcl_errors() -> Iterator[None]:
     """Say in one line why the middleware cannot start, and which variable is to be changed.
 
     Raises:
         InputError: it cannot.
     """
-    if not any(map(os.environ.get, LOG_PLACES)):
+    if not any(map(os.environ.get, LOG_VARIABLES)):
         raise InputError('ROS has no directory for its log: set ROS_LOG_DIR, or HOME')
     try:
         with warnings.catch_warnings():
@@ -183,7 +183,7 @@ def tool_node(name: str, transport: str = 'default', **options: Any) -> Iterator
     """
     with ExitStack() as stack:
         stack.callback(rclpy.try_shutdown)
-        with explained(), chosen_transport(transport):
+        with wrap_rcl_errors(), chosen_transport(transport):
             rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
             node = rclpy.create_node(name, **options)
         stack.callback(node.destroy_node)

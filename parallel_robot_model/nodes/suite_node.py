@@ -26,7 +26,7 @@ from parallel_robot_model.common.errors import (
     ParallelRobotError,
     UnknownNameError,
     first_line,
-    tell_descriptions,
+    redirect_description_warnings,
 )
 from parallel_robot_model.common.units import HINGES, NANOSECONDS, JointUnits
 from parallel_robot_model.configuration import config, config_files, fields, loop
@@ -45,7 +45,8 @@ from parallel_robot_model.nodes.parameters import START, BoundedParameterService
 from parallel_robot_model.processes.node_processes import WATCH
 from parallel_robot_model.processes.realtime import DeadlineThread
 
-STRANGERS = 10.0  # s without messages of a stranger, after which they are told anew
+# s without messages of unknown publishers, after which they are reported anew
+REPORT_INTERVAL = 10.0
 NO_CLOCK = 'use_sim_time is true and nobody publishes /clock: set it to false, or start who does'
 GRANTED = {  # in the diagnostics
     'realtime': 'real-time priority',
@@ -87,7 +88,7 @@ class SuiteNode(Node):  # type: ignore[misc]
         Raises:
             InputError: a parameter is unknown or wrong.
         """
-        self.background = Background(self, self.survive)
+        self.background = Background(self, self.log_exception)
         self._times = CallbackTimes(self.background)
         try:
             super().__init__(
@@ -102,12 +103,12 @@ class SuiteNode(Node):  # type: ignore[misc]
         self._granted: dict[str, str] = {}
         self._thread: DeadlineThread | None = None
         self._usage = Usage()
-        self._told_doubts: Set[str] = set()
-        self._heard_strangers: dict[Topic, float] = {}  # s, time of the last message of one
-        self._told_strangers: dict[Topic, str] = {}  # the publishers that were told
+        self._reported_warnings: Set[str] = set()
+        self._unknown_publishers: dict[Topic, float] = {}  # s, time of the last message of one
+        self._reported_publishers: dict[Topic, str] = {}  # the publishers that were reported
         given = parameters.overrides(self)
         self._scenario = config_files.absolute_scenario(str(given.pop('scenario', 'paper_circle')))
-        tell_descriptions(self.get_logger().warning)
+        redirect_description_warnings(self.get_logger().warning)
         self.values = resolve(self._scenario, given)
         auto = self.values['period'] == AUTO
         if auto:
@@ -118,7 +119,9 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.lockstep = self.loop.lockstep
         self.period_ns, self.last_index = self.loop.period_ns, self.loop.last_index
         self._common_start = CommonStart(self.loop)
-        self._connections = Connections(self, self.loop, self._on_stranger, self._on_others)
+        self._connections = Connections(
+            self, self.loop, self._on_unknown_publisher, self._on_foreign_joints
+        )
         self.declare_groups(('', loop.LoopParameters))
         self._diagnostics = self.create_publisher(DiagnosticArray, '/diagnostics', 10)
         self.create_timer(1.0, self._on_second)
@@ -130,15 +133,15 @@ class SuiteNode(Node):  # type: ignore[misc]
     def set_start(self, stamp: int) -> None:
         """React to the common start stamp [ns]; nodes without a start of their own ignore it."""
 
-    def leave_out(self, topic: Topic) -> None:
+    def handle_dispute(self, topic: Topic) -> None:
         """React to a message of a topic that has publishers that take turns."""
 
     def diagnose(self) -> dict[str, Any]:
         """Entries of the diagnostics, of the last second."""
         return {}
 
-    def doubts(self) -> dict[str, str]:
-        """What is odd just now, a line for each kind; told once while it lasts."""
+    def warnings(self) -> dict[str, str]:
+        """What is odd just now, a line for each kind; reported once while it lasts."""
         return {}
 
     def handled(self) -> int | None:
@@ -218,9 +221,9 @@ class SuiteNode(Node):  # type: ignore[misc]
     ) -> None:
         """Subscribe to the serialised messages of a topic.
 
-        In wall time, the publisher that is heard first is trusted, and messages of another one
+        In wall time, the publisher that sends first is trusted, and messages of another one
         are dropped, see :class:`SinglePublisher`. In lockstep, where the loop would stop without
-        a message, those are told, too, but none is dropped once this node's essential outputs
+        a message, those are reported, too, but none is dropped once this node's essential outputs
         have their subscribers; before that, all are, and the plant sends its state again.
 
         Args:
@@ -236,17 +239,17 @@ class SuiteNode(Node):  # type: ignore[misc]
         """Number of messages of a topic that were sent and did not come, or too many at once."""
         return self._connections.lost(topic)
 
-    def keep_time(self, tick: Callable[[int], None], ahead: int = 0) -> None:
+    def start_timer(self, tick: Callable[[int], None], lead: int = 0) -> None:
         """Call ``tick(stamp)`` for the stamp of each sample [ns], once the node has begun.
 
         Args:
             tick: What to do; an exception ends the node.
-            ahead: How long before its stamp a tick is due [ns].
+            lead: How long before its stamp a tick is due [ns].
         """
         timed = self._times.timed('tick', tick)
-        self._thread = DeadlineThread(self.period_ns, timed, self.fail, ahead)
+        self._thread = DeadlineThread(self.period_ns, timed, self.fail, lead)
 
-    def end_time(self) -> None:
+    def stop_timer(self) -> None:
         """Tick no more, because the node will end; a signal handler may call this."""
         if self._thread is not None:
             self._thread.end()
@@ -287,15 +290,15 @@ class SuiteNode(Node):  # type: ignore[misc]
         self.get_logger().fatal(str(error) or type(error).__name__)
         self.finish(1)
 
-    def survive(self, error: Exception) -> None:
+    def log_exception(self, error: Exception) -> None:
         """Count and log an unforeseen error; nothing that comes over the wire may end a node."""
         self.counts['unforeseen errors'] += 1
         frame = traceback.extract_tb(error.__traceback__)[-1]
         text = f'unforeseen {first_line(error)} at {frame.filename}:{frame.lineno}'
         self.get_logger().error(text, throttle_duration_sec=1.0)
 
-    def doubt(self, text: str) -> None:
-        """Log what whoever started the node must know; ``run`` tells it, too."""
+    def warn(self, text: str) -> None:
+        """Log a warning for whoever started the node; ``run`` shows it, too."""
         self.get_logger().get_child(WATCH).warning(text)
 
     def show_granted(self, **texts: str) -> None:
@@ -335,7 +338,7 @@ class SuiteNode(Node):  # type: ignore[misc]
             except ParallelRobotError as error:
                 self.fail(error)
             except Exception as error:
-                self.survive(error)
+                self.log_exception(error)
             return arguments[-1] if arguments else None  # the response, as it was
 
         return self._times.timed(name, guarded)
@@ -384,30 +387,30 @@ class SuiteNode(Node):  # type: ignore[misc]
             except ParallelRobotError as error:
                 self.fail(error)
 
-    def _on_others(self, topic: Topic) -> None:
+    def _on_foreign_joints(self, topic: Topic) -> None:
         name = f'{topic.name}: messages of other joints'
         if not self.counts[name]:
             self.get_logger().warning(f'{name} are left out')
         self.counts[name] += 1
 
-    def _on_stranger(self, topic: Topic, several: bool) -> None:
+    def _on_unknown_publisher(self, topic: Topic, several: bool) -> None:
         self.counts[f'{topic.name}: messages of two publishers'] += 1
         now = time.monotonic()
-        if now - self._heard_strangers.get(topic, -math.inf) > STRANGERS:
-            self._told_strangers.pop(topic, None)
-            self.background.do(self._tell_strangers)
-        self._heard_strangers[topic] = now
+        if now - self._unknown_publishers.get(topic, -math.inf) > REPORT_INTERVAL:
+            self._reported_publishers.pop(topic, None)
+            self.background.do(self._report_unknown_publishers)
+        self._unknown_publishers[topic] = now
         if several:
-            self.leave_out(topic)
+            self.handle_dispute(topic)
 
-    def _tell_strangers(self) -> None:
-        """Tell who else publishes on topics of this node; again when more becomes known."""
-        told, several = self._told_strangers, self._connections.several_publishers()
-        for topic, heard_at in [*self._heard_strangers.items()]:
-            if time.monotonic() - heard_at > STRANGERS:
+    def _report_unknown_publishers(self) -> None:
+        """Report who else publishes on topics of this node; again when more becomes known."""
+        reported, several = self._reported_publishers, self._connections.several_publishers()
+        for topic, seen_at in [*self._unknown_publishers.items()]:
+            if time.monotonic() - seen_at > REPORT_INTERVAL:
                 continue
             publishers = self._connections.publishers_of_input(topic)
-            if topic not in told or (topic.name in several and told[topic] != publishers):
+            if topic not in reported or (topic.name in several and reported[topic] != publishers):
                 what = '' if topic.name in several else ', one ended or not known yet'
                 used = 'all are used' if self.lockstep else 'those of one are left out'
                 silence = self._connections.silence(topic)
@@ -416,20 +419,20 @@ class SuiteNode(Node):  # type: ignore[misc]
                         f', one silent for {silence:.2g} s: if it was killed, it counts for 20 s'
                     )
                     used = 'the other is used'
-                self.doubt(f'messages of two publishers{what}, {used}: {publishers}')
-                told[topic] = publishers
+                self.warn(f'messages of two publishers{what}, {used}: {publishers}')
+                reported[topic] = publishers
 
     def _answer_ready(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.message = self.missing()
         response.success = not response.message
         return response
 
-    def _doubts(self) -> dict[str, str]:
+    def _all_warnings(self) -> dict[str, str]:
         clock, own = self.get_clock(), {}
         stands = clock.ros_time_is_active and not clock.now().nanoseconds
         if stands and not self.lockstep and not self.count_publishers('/clock'):
             own['clock'] = NO_CLOCK
-        return own | self.doubts()
+        return own | self.warnings()
 
     def _on_second(self) -> None:
         self.background.do(self._publish_diagnostics)
@@ -437,13 +440,13 @@ class SuiteNode(Node):  # type: ignore[misc]
     def _publish_diagnostics(self) -> None:
         usual = {**self.diagnose(), **self._usage.measure(self.handled()), **self._granted}
         usual |= self._times.take()
-        doubts = {kind: text for kind, text in self._doubts().items() if text}
-        for kind in doubts.keys() - self._told_doubts:
-            self.doubt(doubts[kind])
-        self._told_doubts = doubts.keys()
-        self._tell_strangers()
+        present = {kind: text for kind, text in self._all_warnings().items() if text}
+        for kind in present.keys() - self._reported_warnings:
+            self.warn(present[kind])
+        self._reported_warnings = present.keys()
+        self._report_unknown_publishers()
         several = self._connections.several_publishers()
         unusual = {**self.counts, **{f'{name}: publishers': n for name, n in several.items()}}
-        warnings = [*doubts.values(), *unusual]
+        warnings = [*present.values(), *unusual]
         message = diagnostics_message(self, {**usual, **unusual}, warnings, self.alarm())
         self._diagnostics.publish(message)

@@ -1,4 +1,4 @@
-"""Where machine code is kept between two starts, and when it is removed.
+"""Where machine code is cached between two starts, and when it is removed.
 
 A directory holds the machine code of exactly these sources, compiled by this Numba for this
 Python, so it is never stale; all copies of the same sources share it. It carries the time of its
@@ -124,8 +124,8 @@ def _is_of_ros(path: str) -> bool:
 
 
 NOTICE = 'compiling; after an installation this takes about a minute, once'
-KEPT = 5  # versions, this one included
-KEPT_CUSTOM = 100  # versions of custom files, for each of these
+MAX_VERSIONS = 5  # versions, this one included
+MAX_CUSTOM_VERSIONS = 100  # versions of custom files, for each of these
 UNUSED = 21 * 86400.0  # s, after which a version is removed, however few there are
 ALL = 250  # approximate number of pieces of machine code after `make setup`
 PREFIX = 'parallel_robot_custom_'  # prefix of the names of custom modules
@@ -150,13 +150,13 @@ def directory() -> str:
         if private and os.access(directory, os.W_OK):
             if new:
                 prune(root)
-            _tell_if_unused(directory)
+            _warn_if_unused(directory)
             return str(directory)
-    _tell_if_unused(Path())
+    _warn_if_unused(Path())
     return ''
 
 
-def _tell_if_unused(directory: Path) -> None:
+def _warn_if_unused(directory: Path) -> None:
     """Say that machine code does not lie where the user wants it."""
     chosen = os.environ.get(MACHINE_CODE)
     if chosen and not directory.is_relative_to(os.path.abspath(chosen)):
@@ -192,7 +192,7 @@ def custom(name: str) -> str:
     with contextlib.suppress(OSError):
         if not directory.exists():
             directory.mkdir(parents=True)
-            prune(root, KEPT_CUSTOM)
+            prune(root, MAX_CUSTOM_VERSIONS)
         os.utime(directory)
     return str(directory)
 
@@ -205,7 +205,7 @@ def compiled() -> str:
     return f'{min(done, ALL)} of about {ALL} kernels are compiled'
 
 
-def prune(root: Path, kept: int = KEPT) -> None:
+def prune(root: Path, count: int = MAX_VERSIONS) -> None:
     """Remove the machine code that will hardly be used again: all but the newest directories."""
     times: dict[Path, float] = {}
     for path in root.iterdir():
@@ -214,7 +214,7 @@ def prune(root: Path, kept: int = KEPT) -> None:
                 times[path] = path.stat().st_mtime
     newest_first = sorted(times, key=times.__getitem__, reverse=True)
     old = {path for path, used in times.items() if time.time() - used > UNUSED}
-    for path in old.union(newest_first[kept:]):
+    for path in old.union(newest_first[count:]):
         shutil.rmtree(path, ignore_errors=True)
 
 

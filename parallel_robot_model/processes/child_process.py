@@ -25,7 +25,7 @@ from typing import IO, Any, NamedTuple
 
 from parallel_robot_model.common.errors import first_line
 from parallel_robot_model.processes.cache_directory import PREFIX
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.termination_signals import termination_signals
 
 # Modules of the suite in separate processes: their command lines, and their end.
 
@@ -79,7 +79,7 @@ class ForkedProcess:
         self,
         name: str,
         module: str,
-        words: Sequence[str],
+        arguments: Sequence[str],
         output: IO[bytes],
         environment: Mapping[str, str],
     ) -> None:
@@ -88,7 +88,7 @@ class ForkedProcess:
         Args:
             name: Its name, as `ps -e` shows it.
             module: The module, whose ``main`` it runs.
-            words: Its arguments.
+            arguments: Its arguments.
             output: File of what it writes.
             environment: Variables that it has besides those of this process.
         """
@@ -98,15 +98,15 @@ class ForkedProcess:
         for stream in (sys.stdout, sys.stderr):
             stream.flush()  # else both would write what waits
         # None is lost in between.
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, ending_signals())
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, termination_signals())
         try:
             self.pid = os.fork()  # its number
             if not self.pid:
 
                 def run() -> object:
-                    _settle(name, output.fileno(), before)
+                    _detach(name, output.fileno(), before)
                     os.environ.update(environment)
-                    sys.argv = [module, *words]
+                    sys.argv = [module, *arguments]
                     return import_module(module).main()
 
                 _live(run)
@@ -144,13 +144,13 @@ class ForkedProcess:
         self.send_signal(signal.SIGKILL)
 
 
-def _settle(name: str, output: int, mask: set[int]) -> None:
+def _detach(name: str, output: int, mask: set[int]) -> None:
     """Become what a process is that was started: nothing of the parent's stays in use."""
     gc.freeze()  # what the parent holds is not closed here by the way
     os.setsid()
     die_with_parent()
     set_name(name)
-    for number in ending_signals():
+    for number in termination_signals():
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_SETMASK, mask)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
@@ -182,12 +182,12 @@ def _live(run: Callable[[], object]) -> None:
 #
 # Its time is that of the processor: that a machine is slow, or compiles, is no fault of the code.
 
-TRIAL_LIMIT = 1.0  # s, of the processor, within which a function of a law or robot must return
-WHOLE = 120  # s, of the processor, for all that a trial does, compiling included
+CALL_LIMIT = 1.0  # s, of the processor, within which a function of a law or robot must return
+TOTAL_LIMIT = 120  # s, of the processor, for all that a trial does, compiling included
 MAX_WAIT = 600.0  # s, for code that waits; twenty times what a trial takes on a busy machine
 
 
-class Ended(NamedTuple):
+class TrialResult(NamedTuple):
     """How a trial has ended."""
 
     returned: bool  # whether it came to its end
@@ -195,7 +195,7 @@ class Ended(NamedTuple):
     how: str  # what went wrong otherwise, e.g. 'update ends the process with SIGSEGV'
 
 
-def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> Ended:
+def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> TrialResult:
     """Run a trial in a separate process, and end whatever it leaves behind.
 
     Args:
@@ -206,7 +206,7 @@ def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> Ended
     given = json.dumps([[*map(str, sys.path)], task])
     with tempfile.TemporaryFile('w+') as said:
         process = subprocess.Popen(
-            command(module, str(said.fileno()), str(WHOLE), given),
+            command(module, str(said.fileno()), str(TOTAL_LIMIT), given),
             env={**os.environ, **environment},
             stdin=subprocess.DEVNULL,  # what the code reads and writes is not for the user
             stdout=subprocess.DEVNULL,
@@ -228,16 +228,16 @@ def run_trial(module: str, task: Mapping[str, Any], **environment: str) -> Ended
         lines = [json.loads(line) for line in said]
     kind, value = lines[-1] if lines else ('step', 'its trial')
     if kind == 'returned':
-        return Ended(True, value, '')
-    return Ended(False, None, value if kind == 'raised' else f'{value} {trial_ending(code)}')
+        return TrialResult(True, value, '')
+    return TrialResult(False, None, value if kind == 'raised' else f'{value} {exit_reason(code)}')
 
 
-def trial_ending(code: int | None) -> str:
+def exit_reason(code: int | None) -> str:
     """What an exit code says; None for a process that did not end."""
     if code is None:
         return f'does not return within {MAX_WAIT:g} s'
     if code in (-signal.SIGPROF, -signal.SIGXCPU):
-        limit = TRIAL_LIMIT if code == -signal.SIGPROF else WHOLE
+        limit = CALL_LIMIT if code == -signal.SIGPROF else TOTAL_LIMIT
         return f'does not return within {limit:g} s of processor time'
     names = {-number: number.name for number in signal.Signals}
     how = names.get(code, f'signal {-code}') if code < 0 else f'code {code}'

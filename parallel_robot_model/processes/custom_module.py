@@ -88,7 +88,7 @@ def _names(source: bytes) -> Iterator[str]:
 # Names of classes of tuples, by which Numba tells them apart and machine code is found.
 
 
-def distinguish(*kinds: type) -> None:
+def qualify_type_names(*kinds: type) -> None:
     """Name classes of tuples by module and name; other classes stay as they are.
 
     Numba's dispatcher tells NamedTuples apart by the names of class and fields, so the ``Memory``
@@ -112,21 +112,21 @@ def classes_of(module: Any) -> list[type]:
 #
 # The file may end its process or never return: in that other process it can, and is refused.
 
-Rehearse = Callable[[ModuleType], None]
+DryRun = Callable[[ModuleType], None]
 
 
-def _try_file(file: Path, source: bytes, rehearse: Rehearse) -> None:
+def _try_file(file: Path, source: bytes, dry_run: DryRun) -> None:
     """Import a file in a separate process, once for each version of its source."""
     digest = hashlib.sha256(source).hexdigest()
     mark = f'imported_{digest[:16]}'
     if cache_directory.marked(mark) is not None:
         return
-    names = [rehearse.__module__, rehearse.__name__]
-    ended = child_process.run_trial(
+    names = [dry_run.__module__, dry_run.__name__]
+    result = child_process.run_trial(
         __name__, {'file': str(file), 'digest': digest, 'rehearse': names}
     )
-    if not ended.returned:
-        raise InputError(f'{file}: {ended.how}')
+    if not result.returned:
+        raise InputError(f'{file}: {result.how}')
     cache_directory.mark(mark)
 
 
@@ -150,7 +150,7 @@ def import_file(file: Path, source: bytes) -> ModuleType:
     finally:
         if os.getpid() != process:  # a copy that the file has forked: one command is enough
             os._exit(1)
-    distinguish(*classes_of(module))
+    qualify_type_names(*classes_of(module))
     return module
 
 
@@ -171,7 +171,7 @@ SLOW = 3.0  # s, after which the file being loaded is named
 RAISED = (Exception, SystemExit)  # by custom code: sys.exit() is a mistake, too
 
 _loaded: dict[tuple[str, bytes], ModuleType] = {}  # by name and source
-_held: dict[Path, bytes] = {}  # source by file, whatever is in the file
+_pinned: dict[Path, bytes] = {}  # source by file, whatever is in the file
 
 
 def load(
@@ -179,8 +179,8 @@ def load(
     key: str,
     needed: Sequence[str],
     groups: Sequence[str],
-    rehearse: Rehearse,
-    stands_for: Callable[[Path], bytes] | None = None,
+    dry_run: DryRun,
+    translate: Callable[[Path], bytes] | None = None,
 ) -> tuple[str, ModuleType]:
     """Import a file once, in a separate process first.
 
@@ -189,8 +189,8 @@ def load(
         key: Key of the configuration that names it, for messages.
         needed: Attributes that it must have.
         groups: Those of them that must be NamedTuples of parameters.
-        rehearse: Calls in that process what the file defines in Python.
-        stands_for: The source that stands for the file, which is not Python.
+        dry_run: Calls in that process what the file defines in Python.
+        translate: The source that stands for the file, which is not Python.
 
     Returns:
         Name and module.
@@ -206,15 +206,11 @@ def load(
         exists = is_file = False
     if not exists:
         raise InputError(f'{key}: {path} does not exist')
-    kind = 'Python file' if stands_for is None else 'file'
-    if (
-        (stands_for is None and file.suffix != '.py')
-        or not file.stem.isidentifier()
-        or not is_file
-    ):
+    kind = 'Python file' if translate is None else 'file'
+    if (translate is None and file.suffix != '.py') or not file.stem.isidentifier() or not is_file:
         raise InputError(f'{key}: {path} is not a {kind} whose name is an identifier')
     try:
-        module = _module(file, rehearse, stands_for)
+        module = _module(file, dry_run, translate)
     except InputError as error:
         raise InputError(f'{key}: {error}') from None
     except RAISED as error:
@@ -225,13 +221,13 @@ def load(
     for name in groups:
         if not hasattr(getattr(module, name), '_fields'):
             raise InputError(f'{key}: {path}: {name} is not a NamedTuple')
-        with blaming(f'{key}: {path}'):  # its annotations
+        with wrap_user_errors(f'{key}: {path}'):  # its annotations
             parameters(getattr(module, name))
     return file.stem, module
 
 
 @contextlib.contextmanager
-def blaming(what: str) -> Iterator[None]:
+def wrap_user_errors(what: str) -> Iterator[None]:
     """Turn errors of custom code into an InputError that names its origin."""
     try:
         yield
@@ -241,18 +237,18 @@ def blaming(what: str) -> Iterator[None]:
         raise InputError(f'{what}: {first_line(error)}') from error
 
 
-def source_of(made: Any) -> bytes:
+def source_of(loaded: Any) -> bytes:
     """Source of what was made of a module that was loaded; its file may no longer exist."""
-    name = made.__name__
+    name = loaded.__name__
     return next(source for (_, source), module in _loaded.items() if module.__name__ == name)
 
 
-def verdict_of(name: str, made: Any, kind: str, trial: str, task: Mapping[str, Any]) -> str:
+def verdict_of(name: str, loaded: Any, kind: str, trial: str, task: Mapping[str, Any]) -> str:
     """What a trial warns of, once for each version of a source.
 
     Args:
         name: What is tried.
-        made: What was made of its module.
+        loaded: What was made of its module.
         kind: Of the trial; what is known of others says nothing of this one.
         trial: Module that serves it, in a process that checks the bounds of arrays: a function of
             the task with the `file`, which returns a text by 'refused' or by 'warnings'.
@@ -261,48 +257,46 @@ def verdict_of(name: str, made: Any, kind: str, trial: str, task: Mapping[str, A
     Raises:
         InputError: it is refused, or ends its process.
     """
-    source = source_of(made)
+    source = source_of(loaded)
     mark = f'{kind}_{hashlib.sha256(source).hexdigest()[:16]}'
-    known = cache_directory.marked(mark)
-    if known is not None:
-        return known
+    cached = cache_directory.marked(mark)
+    if cached is not None:
+        return cached
     with tempfile.TemporaryDirectory() as directory:
-        file = Path(made.__file__)
+        file = Path(loaded.__file__)
         if not file.is_file() or file.read_bytes() != source:  # changed since
             file = Path(directory, f'{name}.py')
             file.write_bytes(source)
         cache = cache_directory.subdirectory('checked') or directory
         environment = {'NUMBA_BOUNDSCHECK': '1', 'NUMBA_CACHE_DIR': cache}
-        ended = child_process.run_trial(trial, {'file': str(file), **task}, **environment)
-    refused = ended.result.get('refused') if ended.returned else ended.how
+        result = child_process.run_trial(trial, {'file': str(file), **task}, **environment)
+    refused = result.result.get('refused') if result.returned else result.how
     if refused:
         raise InputError(f'{name}: {refused}')
-    cache_directory.mark(mark, ended.result['warnings'])
-    return str(ended.result['warnings'])
+    cache_directory.mark(mark, result.result['warnings'])
+    return str(result.result['warnings'])
 
 
-def hold(file: Path, source: bytes) -> None:
+def pin_source(file: Path, source: bytes) -> None:
     """Let a file that was written here have this source, whoever changes it from now on."""
-    _held[file.resolve()] = source
+    _pinned[file.resolve()] = source
 
 
 @functools.cache
-def _module(
-    file: Path, rehearse: Rehearse, stands_for: Callable[[Path], bytes] | None
-) -> ModuleType:
+def _module(file: Path, dry_run: DryRun, translate: Callable[[Path], bytes] | None) -> ModuleType:
     """The module of a file; a copy of a file that was loaded is the same module."""
-    source = _held.get(file) or (stands_for or Path.read_bytes)(file)
+    source = _pinned.get(file) or (translate or Path.read_bytes)(file)
     key = file.stem, source
     if key not in _loaded:
-        with _telling(f'loading {file} has taken {SLOW:g} s so far'):
-            if stands_for is None:  # else it is ours
-                _try_file(file, source, rehearse)
+        with _warn_if_slow(f'loading {file} has taken {SLOW:g} s so far'):
+            if translate is None:  # else it is ours
+                _try_file(file, source, dry_run)
             _loaded[key] = import_file(file, source)
     return _loaded[key]
 
 
 @contextlib.contextmanager
-def _telling(text: str) -> Iterator[None]:
+def _warn_if_slow(text: str) -> Iterator[None]:
     """Say something to the user if the context takes long."""
     timer = threading.Timer(SLOW, logging.getLogger('parallel_robot').warning, [text])
     timer.daemon = True

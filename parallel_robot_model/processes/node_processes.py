@@ -21,7 +21,7 @@ from parallel_robot_model.configuration.yaml_file import MARK
 from parallel_robot_model.processes import child_process
 from parallel_robot_model.processes.cache_directory import NOTICE
 from parallel_robot_model.processes.child_process import ForkedProcess, command, die_with_parent
-from parallel_robot_model.processes.user_directory import CACHE, open_own, user_directories
+from parallel_robot_model.processes.user_directory import CACHE, open_private, user_directories
 
 MODULES = {
     'trajectory': 'trajectory_gen.trajectory_node',
@@ -32,7 +32,7 @@ MODULES = {
 # The plant ends first, at a state; what the others still publish is recorded.
 STOP_ORDER = (('plant', 'controller', 'trajectory'), ('recorder',))
 WATCH = 'watch'  # end of the name of a node's logger for what is odd
-DOUBTS = re.compile(rf'^\[WARN\] \[[\d.]+\] \[[\w.]+\.{WATCH}\]: (.*)$', re.MULTILINE)
+WARNING_LINE = re.compile(rf'^\[WARN\] \[[\d.]+\] \[[\w.]+\.{WATCH}\]: (.*)$', re.MULTILINE)
 MAX_VALUE_LENGTH = 100_000  # characters of a value on a command line, of which Linux takes 131 071
 END_TIMEOUT = 30.0  # s, from SIGINT to SIGKILL
 
@@ -132,10 +132,12 @@ class NodeProcesses:
             reason = self._last_line(name)
             raise RunError(f'{name} ended with {how}' + (f': {reason}' if reason else ''))
 
-    def doubts(self) -> list[str]:
+    def warnings(self) -> list[str]:
         """What the nodes have warned of that concerns who started them, each once."""
         files = [
-            f'{name}: {text}' for name in self._logs for text in DOUBTS.findall(self._output(name))
+            f'{name}: {text}'
+            for name in self._logs
+            for text in WARNING_LINE.findall(self._output(name))
         ]
         return list(dict.fromkeys(files))
 
@@ -158,13 +160,13 @@ class NodeProcesses:
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[[\w.]+\]: ', '', last)  # level, time and node
 
 
-def _start(name: str, words: list[str], log: IO[bytes]) -> Process:
+def _start(name: str, arguments: list[str], log: IO[bytes]) -> Process:
     """Start a node in a session of its own, which ends with this process."""
     environment = {'AMENT_PREFIX_PATH': sys.prefix, **os.environ}
     if child_process.can_fork():
-        return ForkedProcess(name, MODULES[name], words, log, environment)
+        return ForkedProcess(name, MODULES[name], arguments, log, environment)
     return subprocess.Popen(
-        command(MODULES[name], *words),
+        command(MODULES[name], *arguments),
         stdin=subprocess.DEVNULL,
         stdout=log,
         stderr=subprocess.STDOUT,
@@ -231,7 +233,7 @@ def domain_lock(namespace: str = '') -> Iterator[None]:
     """
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
     space = namespace.replace('/', '.')  # which no name of ROS has in it
-    with open_own(f'domain_{domain}{space}.lock', user_directories(), CACHE) as file:
+    with open_private(f'domain_{domain}{space}.lock', user_directories(), CACHE) as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:

@@ -47,7 +47,7 @@ def acquire(priority: int) -> str:
     return f'{schedule}, {LOCKED}' if _lock_memory() else schedule
 
 
-def give_way() -> None:
+def lower_priority() -> None:
     """Let all others of the real-time priority of the calling thread interrupt it."""
     priority = os.sched_getparam(0).sched_priority
     if os.sched_getscheduler(0) == os.SCHED_FIFO and priority > 1:
@@ -172,7 +172,7 @@ class DeadlineThread(threading.Thread):
         period: int,
         tick: Callable[[int], None],
         failed: Callable[[Exception], None],
-        ahead: int = 0,
+        lead: int = 0,
     ) -> None:
         """Prepare the thread.
 
@@ -180,22 +180,22 @@ class DeadlineThread(threading.Thread):
             period: Time between two stamps [ns].
             tick: What to do; called with the stamp [ns].
             failed: Called with the exception that ended `tick`; the thread ends.
-            ahead: How long before its stamp a tick is due [ns].
+            lead: How long before its stamp a tick is due [ns].
         """
         super().__init__(name='deadline', daemon=True)
         self._period = period
         self._tick = tick
         self._failed = failed
-        self._ahead = ahead
+        self._lead = lead
         self._ended = False  # no Event: a signal handler that sets one can wait for itself
 
     def run(self) -> None:
         """Tick until :meth:`stop`."""
         offset = time.time_ns() - time.monotonic_ns()
-        stamp = (time.time_ns() + self._ahead) // self._period * self._period + self._period
+        stamp = (time.time_ns() + self._lead) // self._period * self._period + self._period
         try:
             while not self._ended:
-                left = (stamp - self._ahead - offset - time.monotonic_ns()) * 1e-9
+                left = (stamp - self._lead - offset - time.monotonic_ns()) * 1e-9
                 if left > WAIT_SLICE:
                     time.sleep(WAIT_SLICE)
                     continue
@@ -227,18 +227,18 @@ FLAGS_OF, UP = 0x8913, 1  # of an interface, see netdevice(7): SIOCGIFFLAGS, IFF
 
 
 def prepare_discovery() -> None:
-    """Let nodes be heard on this machine alone, unless the user has said where.
+    """Limit discovery of nodes to this machine, unless the user has said where.
 
     Raises:
-        InputError: they would be heard nowhere.
+        InputError: they would be discovered nowhere.
     """
     os.environ.setdefault(DISCOVERY_RANGE, 'LOCALHOST')
-    if text := discovery_doubt():
+    if text := discovery_warning():
         raise InputError(text)
 
 
-def discovery_doubt() -> str:
-    """Why nodes of this process are heard nowhere; empty if they can be."""
+def discovery_warning() -> str:
+    """Why nodes of this process cannot be discovered; empty if they can be."""
     chosen = os.environ.get(DISCOVERY_RANGE)
     local = chosen == 'LOCALHOST' or os.environ.get(LOCALHOST_ONLY) == '1'
     if chosen == 'OFF' and not local:
@@ -252,9 +252,9 @@ def discovery_doubt() -> str:
 
 
 def _is_up(interface: str) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asked:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            flags = fcntl.ioctl(asked, FLAGS_OF, struct.pack('16sH14x', interface.encode(), 0))
+            flags = fcntl.ioctl(probe, FLAGS_OF, struct.pack('16sH14x', interface.encode(), 0))
         except OSError:
             return False  # there is none
     return bool(struct.unpack('16sH14x', flags)[1] & UP)

@@ -26,20 +26,20 @@ def user_directories() -> Iterator[Path]:
     One that belongs to another user, is reached by another user's link, or can be written by
     others is left out.
     """
-    return _own_directories(CACHE, '~/.cache')
+    return _private_directories(CACHE, '~/.cache')
 
 
 def machine_code_directories() -> Iterator[Path]:
     """The same for machine code: in MACHINE_CODE, where that is set, else in CACHE."""
-    return _own_directories(MACHINE_CODE, os.environ.get(CACHE) or '~/.cache')
+    return _private_directories(MACHINE_CODE, os.environ.get(CACHE) or '~/.cache')
 
 
 def state_directories() -> Iterator[Path]:
     """The same for what must outlive an emptied cache: in STATE, then a temporary one."""
-    return _own_directories(STATE, '~/.local/state')
+    return _private_directories(STATE, '~/.local/state')
 
 
-def _own_directories(variable: str, usual: str) -> Iterator[Path]:
+def _private_directories(variable: str, usual: str) -> Iterator[Path]:
     chosen = os.environ.get(variable)
     given = os.path.abspath(chosen) if chosen else os.path.expanduser(usual)
     places = [Path(given) / 'parallel_robot'] if os.path.isabs(given) else []  # there is a home
@@ -62,8 +62,8 @@ def is_private(directory: str | Path) -> bool:
     if not _is_ours(resolved.stat()):
         return False
     for above in map(Path.stat, resolved.parents):
-        kept = above.st_mode & stat.S_ISVTX  # as /tmp: others cannot rename what is there
-        if above.st_uid not in (os.getuid(), ROOT, NOBODY) or not (kept or _is_closed(above)):
+        sticky = above.st_mode & stat.S_ISVTX  # as /tmp: others cannot rename what is there
+        if above.st_uid not in (os.getuid(), ROOT, NOBODY) or not (sticky or _is_closed(above)):
             return False
     return True
 
@@ -85,7 +85,7 @@ def _is_closed(status: os.stat_result) -> bool:
         return False
 
 
-def open_own(name: str, directories: Iterator[Path], variable: str) -> IO[bytes]:
+def open_private(name: str, directories: Iterator[Path], variable: str) -> IO[bytes]:
     """Open a regular file in the first of some directories of the user's own that has place.
 
     Nothing else of that name is opened.
@@ -106,22 +106,22 @@ def open_own(name: str, directories: Iterator[Path], variable: str) -> IO[bytes]
         except OSError as error:
             reason = f'cannot open {root / name}: {error.strerror}'
             continue
-        if is_own(os.fstat(descriptor)):
+        if is_private_file(os.fstat(descriptor)):
             return os.fdopen(descriptor, 'r+b')
         os.close(descriptor)
         reason = f'{root / name} is not a file of yours; remove it'
     raise RunError(reason)
 
 
-def is_own(status: os.stat_result) -> bool:
+def is_private_file(status: os.stat_result) -> bool:
     """Whether this is a regular file of the user's."""
     return stat.S_ISREG(status.st_mode) and status.st_uid == os.getuid()
 
 
-# An emergency stop outlives the controller that was told it: it is kept in a file.
+# An emergency stop outlives the controller that received it: it is saved in a file.
 
 
-class KeptStop:
+class StopRecord:
     """The file that says that a controller is in emergency stop; its time says since when."""
 
     def __init__(self, node: str) -> None:
@@ -129,36 +129,36 @@ class KeptStop:
         domain = os.environ.get('ROS_DOMAIN_ID') or '0'
         self._name = f'stopped_{domain}{node.replace("/", ".")}'  # no name of ROS has dots
 
-    def keep(self) -> str:
-        """Keep a stop that was told just now; returns why that is not possible, or nothing."""
+    def save(self) -> str:
+        """Save a stop that was requested just now; returns why that failed, or nothing."""
         try:
-            with open_own(self._name, state_directories(), STATE) as file:
+            with open_private(self._name, state_directories(), STATE) as file:
                 os.utime(file.fileno())
         except (RunError, OSError) as error:
             return str(error)
         return ''
 
-    def told_at(self) -> float | None:
-        """When the stop was told, in seconds since 1970; None when there is none."""
-        times = [status.st_mtime for _, status in self._found()]
+    def stopped_at(self) -> float | None:
+        """When the stop was requested, in seconds since 1970; None when there is none."""
+        times = [status.st_mtime for _, status in self._files()]
         return max(times, default=None)
 
     def forget(self) -> str:
-        """Keep the stop no longer; returns why that is not possible, or nothing."""
+        """Remove the saved stop; returns why that failed, or nothing."""
         reason = ''
-        for path, _ in self._found():
+        for path, _ in self._files():
             try:
                 path.unlink(missing_ok=True)
             except OSError as error:
                 reason = f'cannot remove {path}: {error.strerror}'
         return reason
 
-    def _found(self) -> list[tuple[Path, os.stat_result]]:
+    def _files(self) -> list[tuple[Path, os.stat_result]]:
         """The user's own files of this name; what else may lie there is not looked at."""
         files = []
         for root in state_directories():
             with contextlib.suppress(OSError):
                 status = os.lstat(root / self._name)
-                if is_own(status):
+                if is_private_file(status):
                     files.append((root / self._name, status))
         return files

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot_model.common.errors import apart
+from parallel_robot_model.common.errors import distinct_texts
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import kernel, multiply
 from parallel_robot_model.robots.joint_load import JointLoad
@@ -57,7 +57,7 @@ def first_sample(
     index = tuple(int(i) for i in np.argwhere(bad)[0])
     part = index[1] + 1 if len(index) == 2 else None
     value = float(values[index])
-    shown = (value,) if limit is None else apart(value, limit)
+    shown = (value,) if limit is None else distinct_texts(value, limit)
     return Infeasible(index[0], part, text.format(*shown))
 
 
@@ -86,9 +86,11 @@ def inverse_dynamics(model: Model, acceleration: Array, velocity: Array) -> Arra
 
 
 @kernel
-def no_model(like: Model) -> Model:
+def no_model(template: Model) -> Model:
     """The placeholder for a model in a fault: zeros."""
-    return Model(np.zeros_like(like.M), np.zeros_like(like.Q), np.zeros_like(like.gravity))
+    return Model(
+        np.zeros_like(template.M), np.zeros_like(template.Q), np.zeros_like(template.gravity)
+    )
 
 
 class PoseMotion(NamedTuple):
@@ -180,7 +182,7 @@ class Reach(NamedTuple):
     """
 
     margins: tuple[Margin, ...]
-    left: Array
+    travel_left: Array
 
 
 class Fault(NamedTuple):
@@ -317,7 +319,9 @@ class Robot(RobotModule):
     # FAULTS at which `estimate` has no trustworthy pose; without it all of them, or none where the
     # pose does not depend on the guess
     NO_POSE: Collection[int] | None = None
-    ahead: Any  # kernel as `estimate`, which may be less exact, for states that are only judged
+    estimate_coarse: (
+        Any  # kernel as `estimate`, which may be less exact, for states that are only predicted
+    )
     tree: Any = None  # its links, see tree.py
     linear_model: LinearModel | None = None
     # of parameters and poses: quaternions of the end effector of a robot in space
@@ -333,7 +337,10 @@ class Robot(RobotModule):
     @classmethod
     def of(cls, module: RobotModule) -> Robot:
         """The robot of a module."""
-        robot, instead = cls(), {'Constants': module.Parameters, 'ahead': module.estimate}
+        robot, instead = (
+            cls(),
+            {'Constants': module.Parameters, 'estimate_coarse': module.estimate},
+        )
         vars(robot).update(instead | vars(module))
         return robot
 
@@ -349,7 +356,7 @@ class Robot(RobotModule):
         """Unit of each actuated joint, 'rad' or 'm'; empty if all are rad."""
         return ()
 
-    def doubts(self, parameters: Any, /) -> tuple[str, ...]:
+    def warnings(self, parameters: Any, /) -> tuple[str, ...]:
         """What is doubtful in its file, lines of text."""
         return ()
 
@@ -372,7 +379,7 @@ PLACE = ('x', 'y', 'z')
 VECTOR = ('rx', 'ry', 'rz')  # components of a rotation vector in the world
 
 
-def turns_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
+def rotation_components_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
     """Components of the rotation vector, 0 to 2, that follow the place in a pose in space."""
     names = tuple(axis.name for axis in coordinates)
     if names[:3] != PLACE or not {*names[3:]} <= {*VECTOR}:
@@ -380,26 +387,26 @@ def turns_of(coordinates: Sequence[Coordinate]) -> tuple[int, ...]:
     return tuple(VECTOR.index(name) for name in names[3:])
 
 
-def angles_between(actual: Array, reference: Array, turns: Sequence[int]) -> Array:
+def angles_between(actual: Array, reference: Array, components: Sequence[int]) -> Array:
     """Angles of the rotations from some poses to others [rad], shape (N,).
 
     Args:
         actual: Poses in space, shape (N, m).
         reference: Other ones, shape (N, m).
-        turns: See :func:`turns_of`; NaN if there are none.
+        components: See :func:`rotation_components_of`; NaN if there are none.
     """
-    if not turns:
+    if not components:
         return np.full(len(actual), np.nan)
-    (u, p), (v, q) = (_quaternions(poses, turns) for poses in (actual, reference))
+    (u, p), (v, q) = (_quaternions(poses, components) for poses in (actual, reference))
     apart = p * v - q * u - np.cross(u, v)
     alike = np.abs(p * q + np.sum(u * v, axis=1, keepdims=True))[:, 0]
     return np.asarray(2.0 * np.arctan2(np.linalg.norm(apart, axis=1), alike))
 
 
-def _quaternions(poses: Array, turns: Sequence[int]) -> tuple[Array, Array]:
+def _quaternions(poses: Array, components: Sequence[int]) -> tuple[Array, Array]:
     """Vectors, shape (N, 3), and scalars, shape (N, 1), of the rotations of poses."""
     vectors = np.zeros((len(poses), 3))
-    vectors[:, list(turns)] = poses[:, len(PLACE) :]
+    vectors[:, list(components)] = poses[:, len(PLACE) :]
     half = 0.5 * np.linalg.norm(vectors, axis=1, keepdims=True)
     return 0.5 * np.sinc(half / np.pi) * vectors, np.cos(half)
 
@@ -409,7 +416,7 @@ def _quaternions(poses: Array, turns: Sequence[int]) -> tuple[Array, Array]:
 # A robot without a ``linear_model`` of this kind cannot be identified. Its functions are NumPy.
 
 
-class Known(NamedTuple):
+class KnownQuantity(NamedTuple):
     """Something of a robot that its owner may know, with the range that is assumed otherwise.
 
     Attributes:
@@ -440,20 +447,20 @@ class Bodies(NamedTuple):
     linear: Array
     fixed: Array
     pseudo_inertias: tuple[Array, ...]
-    known: dict[str, Known]
+    known: dict[str, KnownQuantity]
 
 
-def amount(row: Array, low: float = -np.inf, high: float = np.inf) -> Known:
+def amount(row: Array, low: float = -np.inf, high: float = np.inf) -> KnownQuantity:
     """What is row z."""
 
     def rows(low: float, high: float) -> Array:
         ends = [np.append(sign * row, -sign * end) for sign, end in ((1.0, low), (-1.0, high))]
         return np.array(ends)[np.isfinite([low, high])]
 
-    return Known(low, high, rows)
+    return KnownQuantity(low, high, rows)
 
 
-def within(second: Array, first: Array, mass: Array, low: float, high: float) -> Known:
+def within(second: Array, first: Array, mass: Array, low: float, high: float) -> KnownQuantity:
     """Where along a line the mass of a body lies; 0 as second moment: where its centre does.
 
     Of a body between two places, the mean of (x - low) (high - x) is not negative.
@@ -465,7 +472,7 @@ def within(second: Array, first: Array, mass: Array, low: float, high: float) ->
             ends = [(low + high) * first - second - low * high * mass]
         return np.pad(ends, ((0, 0), (0, 1)))
 
-    return Known(low, high, rows)
+    return KnownQuantity(low, high, rows)
 
 
 class LinearModel(Protocol):

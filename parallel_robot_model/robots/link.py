@@ -61,7 +61,7 @@ class Beside(NamedTuple):
     unsaid: tuple[str, ...] = ()  # keys and values to be given along with the URDF
 
 
-def in_space(point: Point) -> tuple[float, float, float]:
+def in_3d(point: Point) -> tuple[float, float, float]:
     """A point with its z [m]."""
     x, y, z = (*point, 0.0)[:3]
     return x, y, z
@@ -77,7 +77,7 @@ def frames(links: Sequence[Link], positions: Array) -> tuple[Array, Array]:
     Returns:
         Origins [m], shape (L, 3), and quaternions x, y, z, w, shape (L, 4).
     """
-    origins = np.array([in_space(link.origin) for link in links]).reshape(-1, 3)
+    origins = np.array([in_3d(link.origin) for link in links]).reshape(-1, 3)
     rotations = np.array([link.rotation for link in links]).reshape(-1, 4)
     axes = np.array([link.axis for link in links]).reshape(-1, 3)
     slides = np.array([link.kind.slides for link in links])

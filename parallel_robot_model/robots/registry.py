@@ -22,7 +22,7 @@ from parallel_robot_model.common.units import HINGES, JointUnits
 from parallel_robot_model.compiler import (
     INTERPRETED,
     Boxed,
-    FirstClass,
+    FunctionValue,
     VectorType,
     reason,
     shape_of,
@@ -40,10 +40,10 @@ from parallel_robot_model.configuration.fields import (
     grouped,
 )
 from parallel_robot_model.configuration.loop import LoopParameters, loop_of
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.processes import custom_module
-from parallel_robot_model.processes.child_process import TRIAL_LIMIT, trial_step
-from parallel_robot_model.processes.custom_module import distinguish
+from parallel_robot_model.processes.child_process import CALL_LIMIT, trial_step
+from parallel_robot_model.processes.custom_module import qualify_type_names
 from parallel_robot_model.robots import axes, planar_3rrr, serial_2r
 from parallel_robot_model.robots.contract import (
     PLACE,
@@ -54,7 +54,7 @@ from parallel_robot_model.robots.contract import (
     Robot,
     RobotModule,
     place_of,
-    turns_of,
+    rotation_components_of,
 )
 from parallel_robot_model.robots.joint_load import DisturbanceParameters, FrictionParameters
 
@@ -64,7 +64,7 @@ ROBOTS = {
     'serial_2r': Robot.of(serial_2r),
 }
 for _robot in ROBOTS.values():  # before a kernel takes a tuple of one
-    distinguish(_robot.Constants, _robot.SafetyMargins)
+    qualify_type_names(_robot.Constants, _robot.SafetyMargins)
 
 KERNELS: dict[str, type] = {  # and what they return
     'joint_motion': JointMotion,
@@ -75,7 +75,7 @@ KERNELS: dict[str, type] = {  # and what they return
 }
 OF_JOINTS = ('position', 'velocity', 'acceleration', 'M', 'Q', 'gravity')  # what has their size
 SEE = ' (docs/robots.md, vectors)'
-SHOWN = 3  # doubts of a machine, each in a line
+SHOWN = 3  # warnings of a machine, each in a line
 GROUPS = ('Parameters', 'SafetyMargins', 'MotionLimits')
 NEEDED = tuple(n for n in [*RobotModule.__annotations__, *vars(RobotModule)] if n[0] != '_')
 _robot_of = functools.cache(Robot.of)  # one of each module
@@ -103,7 +103,7 @@ class RobotModel(NamedTuple):
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """Axes along which its place is told, such as x and z; none without a place."""
+        """Axes of its place, such as x and z; none without a place."""
         coordinates = self.module.coordinates(self.parameters)[: self.place]
         names = tuple(axis.name for axis in coordinates)
         return names if {*names} <= {*PLACE} else PLACE[: self.place]
@@ -114,9 +114,9 @@ class RobotModel(NamedTuple):
         return JointUnits(tuple(unit == 'm' for unit in self.module.units(self.parameters)))
 
     @property
-    def turns(self) -> tuple[int, ...]:
+    def rotation_components(self) -> tuple[int, ...]:
         """Components of a rotation vector that follow its place in space, 0 to 2."""
-        return turns_of(self.module.coordinates(self.parameters))
+        return rotation_components_of(self.module.coordinates(self.parameters))
 
     @property
     def planar(self) -> bool:
@@ -140,7 +140,7 @@ class RobotModel(NamedTuple):
             raise InputError(f'{key} must be [{names}], not {list(pose)}', key)
         return pose
 
-    def kernel(self, name: str, *example: Any, instead: str = '') -> FirstClass:
+    def kernel(self, name: str, *example: Any, instead: str = '') -> FunctionValue:
         """A kernel of the robot as a value.
 
         Args:
@@ -155,7 +155,7 @@ class RobotModel(NamedTuple):
         if not hasattr(function, 'py_func'):
             raise InputError(f'{self.name}: {name} is not compiled: put @kernel before it')
         try:
-            value = FirstClass(function, _constants(self), *example)  # their type counts
+            value = FunctionValue(function, _constants(self), *example)  # their type counts
         except Exception as error:  # Numba has many
             cause = reason(error, function.py_func)
             see = SEE if 'Vector(' in cause else ''
@@ -196,12 +196,12 @@ def _wrong(name: str, kind: Any, sizes: Mapping[str, int]) -> str:
 @functools.lru_cache(maxsize=64)
 def _constants(robot: RobotModel) -> Boxed:
     values = _unboxed(robot)
-    distinguish(type(values))
+    qualify_type_names(type(values))
     return Boxed(values)
 
 
 def _unboxed(robot: RobotModel) -> Any:
-    with custom_module.blaming(robot.name):
+    with custom_module.wrap_user_errors(robot.name):
         return robot.module.constants(robot.parameters)
 
 
@@ -219,7 +219,7 @@ def robots(paths: Sequence[str]) -> dict[str, Robot]:
 
 def custom_robots(paths: Sequence[str]) -> dict[str, Robot]:
     """Custom robots by name, see :func:`robots`."""
-    needed = 'custom_robots', NEEDED, GROUPS, rehearse
+    needed = 'custom_robots', NEEDED, GROUPS, dry_run
     loaded = (custom_module.load(path, *needed) for path in paths)
     return {name: _robot_of(module) for name, module in loaded}
 
@@ -256,30 +256,30 @@ def robot_with(
         InputError: a parameter is wrong, or the number of joints differs from that of their names.
     """
     names = loop.joints
-    with custom_module.blaming(loop.robot_model):
+    with custom_module.wrap_user_errors(loop.robot_model):
         robot = module.validate(parameters, prefix)
         count = module.joints(robot)
         module.coordinates(robot)
     if count != len(names):
         what = f'joints must be {count} names, one for each joint, not {list(names)}'
         raise InputError(what, 'joints')
-    _tell(loop.robot_model, module.doubts(robot))
+    _warn(loop.robot_model, module.warnings(robot))
     return RobotModel(loop.robot_model, module, robot)
 
 
 @functools.lru_cache(maxsize=64)  # once in a process
-def _tell(name: str, doubts: tuple[str, ...]) -> None:
+def _warn(name: str, remarks: tuple[str, ...]) -> None:
     """Warn of what is doubtful in a machine."""
-    lines = [f'{name}: {printable(doubt)}' for doubt in doubts[:SHOWN]]
-    if len(doubts) > SHOWN:
-        lines.append(f'{name}: {len(doubts) - SHOWN} more; parallel_robot robot FILE tells all')
+    lines = [f'{name}: {printable(doubt)}' for doubt in remarks[:SHOWN]]
+    if len(remarks) > SHOWN:
+        lines.append(f'{name}: {len(remarks) - SHOWN} more; parallel_robot robot FILE tells all')
     if lines:
         warnings.warn('\n'.join(lines), DescriptionWarning, stacklevel=3)
 
 
-def rehearse(module: ModuleType) -> None:
+def dry_run(module: ModuleType) -> None:
     """Call what a robot has in Python; what it raises is reported where it is called again."""
-    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', TRIAL_LIMIT):
+    with contextlib.suppress(*custom_module.RAISED), trial_step('its Python', CALL_LIMIT):
         made = Robot.of(cast(Any, module))
         parameters = group(default_values('it', made), made.Parameters, 'robot')
         robot = RobotModel('it', made, made.validate(parameters, 'robot'))
@@ -324,7 +324,7 @@ class RobotConfiguration(Groups):
     @cached_property
     def module(self) -> Robot:
         """Module of the robot."""
-        with locating(self.values):
+        with with_location(self.values):
             return module_of(self.loop)
 
     @cached_property
@@ -340,7 +340,7 @@ class RobotConfiguration(Groups):
     def robot_at(self, prefix: str) -> RobotModel:
         """The robot whose parameters have a prefix."""
         parameters = self.at(prefix, self.module.Parameters)
-        with locating(self.values):
+        with with_location(self.values):
             return robot_with(self.module, self.loop, parameters, prefix)
 
 

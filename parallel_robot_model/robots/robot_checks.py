@@ -13,7 +13,7 @@ import numpy as np
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import Boxed, vector
-from parallel_robot_model.processes.custom_module import blaming
+from parallel_robot_model.processes.custom_module import wrap_user_errors
 from parallel_robot_model.robots.contract import FOUND, REACHED, Estimate, Measurement, PoseMotion
 from parallel_robot_model.robots.joint_load import JointLoad, net_torque
 from parallel_robot_model.robots.registry import ROBOTS, RobotModel
@@ -84,7 +84,7 @@ def checks(
         rate: Its rate, shape (m,); the coordinates of the plant move likewise.
         margins: SafetyMargins; None: without `estimate`.
     """
-    with blaming(robot.name):
+    with wrap_user_errors(robot.name):
         start = np.array(robot.module.start(robot.parameters, pose), dtype=float)
     coordinates = vector(start)
     moved = np.resize(rate, len(start))
@@ -185,7 +185,7 @@ def _bound(robot: RobotModel, name: str, *example: Any) -> Callable[..., Any]:
     function, constants = robot.kernel(name, *example), robot.constants
 
     def called(*arguments: Any) -> Any:
-        with blaming(f'{robot.name}: {name}'):
+        with wrap_user_errors(f'{robot.name}: {name}'):
             return function(constants, *arguments)
 
     return called

@@ -28,7 +28,7 @@ from parallel_robot_model.robots.link import (
     Closure,
     Link,
     Point,
-    in_space,
+    in_3d,
 )
 from parallel_robot_model.robots.registry import RobotModel
 
@@ -132,7 +132,7 @@ def urdf(
 def _add_link(robot: Element, link: Link) -> None:
     element = SubElement(robot, 'link', name=link.name)
     for ends in link.lines:
-        (x1, y1, z1), (x2, y2, z2) = map(in_space, ends)
+        (x1, y1, z1), (x2, y2, z2) = map(in_3d, ends)
         visual = SubElement(element, 'visual')
         pitch, yaw = (
             math.atan2(z1 - z2, math.hypot(x2 - x1, y2 - y1)),
@@ -228,7 +228,7 @@ def _add_origin(
     angles: tuple[float, float, float] = (0.0, 0.0, 0.0),
     tag: str = 'origin',
 ) -> None:
-    SubElement(parent, tag, xyz=_text(*in_space(point)), rpy=_text(*angles))
+    SubElement(parent, tag, xyz=_text(*in_3d(point)), rpy=_text(*angles))
 
 
 def _text(*numbers: float) -> str:

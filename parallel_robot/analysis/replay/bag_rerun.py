@@ -264,9 +264,9 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
         lines.append(f'the bag was made by {", ".join(others)}; this is {", ".join(ours)}')
     lines += filter(None, [experiment.arithmetic_doubt(past.facts)])
     if values['robot_compiled']:
-        from parallel_robot_model.robots.described.robot import compiler_doubt  # it takes long
+        from parallel_robot_model.robots.described.robot import compiler_warning  # it takes long
 
-        told = compiler_doubt(values['robot_description'], values['robot_compiled'])
+        told = compiler_warning(values['robot_description'], values['robot_compiled'])
         lines += filter(None, [told])
     happened = recorded_controller.events(past, configure(values))
     if happened:

@@ -19,9 +19,9 @@ from parallel_robot_control.controller_state import (
     clear,
     drop_torque,
     join,
-    place,
     rejoin,
     restart,
+    set_pose,
     switch,
     trip,
 )
@@ -309,7 +309,7 @@ def after(moment: Moment, event: Event) -> Moment:
         control = assemble(configuration, memory=control.setup.memory)
         switch(state, before, control.law)
     if len(event.pose) == len(configuration.guess):
-        place(state, np.array(event.pose))
+        set_pose(state, np.array(event.pose))
     if event.fault == faults.NONE and state.fault != faults.NONE:
         clear(state)
         control.law.reset_memory()

@@ -169,7 +169,7 @@ def _errors_in_space(runs: Sequence[Run]) -> list[Chart]:
         ('place_error', 'Distance of the end effector from its reference', 'distance', 'mm',
          [1e3 * distances(pose) for pose in poses]),
     ]  # fmt: skip
-    if all(pose.turns for pose in poses):
+    if all(pose.rotation_components for pose in poses):
         angles = [1e3 * rotation_errors(pose) for pose in poses]
         title = 'Angle of the end effector from its reference'
         found.append(('rotation_error', title, 'angle', 'mrad', angles))

@@ -94,7 +94,9 @@ def figure_of_run(
     """
     pose, units = motion.poses, motion.poses.units
     figure, path, over_time = panels(
-        f'{label(run.scenario)}, {law_label(run.law)}', pose.place, turns=bool(pose.turns)
+        f'{label(run.scenario)}, {law_label(run.law)}',
+        pose.place,
+        turns=bool(pose.rotation_components),
     )
     first, *turn, joints, torque = over_time
     names = [without_mathematics(joint_label(name)) for name in run.joints]
@@ -145,7 +147,7 @@ def figure_of_runs(runs: Mapping[str, tuple[RunLog | Run, Motion]], scale: str =
     small = units.of('µrad')
     same = len({pose.axes[: pose.place] for pose in poses}) == 1
     place = poses[0].place if same else 0
-    turns = bool(place) and all(pose.turns for pose in poses)
+    turns = bool(place) and all(pose.rotation_components for pose in poses)
     title = ', '.join(dict.fromkeys(label(run.scenario) for run in named))
     figure, path, (first, *turn, joints, torque) = panels(title, place, fitted=True, turns=turns)
     names = [without_mathematics(label(name)) for name in runs]

@@ -73,8 +73,8 @@ def aligned(
     rhythm = StateRhythm(loop.period_ns)
     rhythm.note(stamps)
     rhythm.look()
-    if known and rhythm.doubt and not loop.lockstep:
-        told.append(rhythm.doubt)
+    if known and rhythm.warning and not loop.lockstep:
+        told.append(rhythm.warning)
     limit = matching.timeout(values, references.stamps)
     referenced = matching.newest_age(stamps + age, references.stamps) <= limit
     if span == WHOLE and not referenced.all():

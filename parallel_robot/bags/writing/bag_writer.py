@@ -21,7 +21,7 @@ from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Cer
 from parallel_robot.bags.messages import message_rows
 from parallel_robot.bags.messages.message_types import Channel, channel_of, profiles_of
 from parallel_robot_model.messages.topics import Topic
-from parallel_robot_model.processes.ending_signals import ending_signals
+from parallel_robot_model.processes.termination_signals import termination_signals
 
 # A file that always ends with its last whole record, also when the disk becomes full.
 
@@ -274,7 +274,7 @@ class BagWriter:
     def __enter__(self) -> BagWriter:
         """Return the writer; in the block, signals take effect between two messages."""
         if threading.current_thread() is threading.main_thread():
-            for number in ending_signals():
+            for number in termination_signals():
                 handler = signal.signal(number, lambda number, _: self._caught.append(number))
                 self._handlers[number] = handler or signal.SIG_DFL
         return self

@@ -172,7 +172,7 @@ class _Streams:
         experiment, count = part.experiment, part.run.steps
         answered = course.heard.answered
         limits = reported_limits(
-            part.run.acted[:count], measured, answered, course.renewals, self._limits
+            part.run.active_limits[:count], measured, answered, course.renewals, self._limits
         )
         last = np.maximum.accumulate(np.where(answered, np.arange(count), -1))
         acted = np.where(last < 0, self._limits[0], limits[last])
@@ -195,7 +195,7 @@ class _Streams:
                 self._status = now._replace(refused='')
                 chosen.append(k)
                 messages.append(status_message(int(since[k]), now))
-        acting = np.flatnonzero((part.run.acted[:count] != 0) & answered)
+        acting = np.flatnonzero((part.run.active_limits[:count] != 0) & answered)
         stamp = int(measured[acting[-1]]) if acting.size else self._limits[1]
         self._limits, self._acts = (int(acted[-1]), stamp), int(since[-1])
         places = np.array(chosen, np.int64)

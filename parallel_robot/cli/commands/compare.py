@@ -33,7 +33,7 @@ from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.motions import of_simulation
 from trajectory_gen.configuration import trajectory_of
-from trajectory_gen.preflight import motion_doubts
+from trajectory_gen.preflight import motion_warnings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +68,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         output.check_new(arguments.json, '--json')
     results = {}
-    notes = [*motion_doubts(trajectory_of(values)), *_of_the_paper(values, laws)]
+    notes = [*motion_warnings(trajectory_of(values)), *_of_the_paper(values, laws)]
     failed: dict[str, str] = {}
     causes: dict[str, str] = {}
     for law in tracked(laws, len(laws), 'laws'):

@@ -21,7 +21,7 @@ from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration.config_files import scenario_of
-from parallel_robot_model.configuration.plain_data import locating, merged
+from parallel_robot_model.configuration.plain_data import merged, with_location
 from parallel_robot_sim.configuration import Configuration, configure
 from trajectory_gen.configuration import with_duration
 
@@ -80,7 +80,7 @@ def execute(arguments: argparse.Namespace) -> int:
         changed = with_duration(scenario, changed)
     values = resolve(scenario, changed)
     begun = time.monotonic()
-    with locating(values):
+    with with_location(values):
         configuration = configure(values)
         contents = _contents(arguments.kind, configuration)
         if arguments.ros2_control:

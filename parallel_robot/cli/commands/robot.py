@@ -12,7 +12,7 @@ from parallel_robot.cli.shared import JSON, add_format_argument, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config_files
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.robots.registry import robot_of
 
 PICTURES = ('.png', '.pdf', '.svg')
@@ -50,12 +50,12 @@ def execute(arguments: argparse.Namespace) -> int:
         output.check_new(arguments.plot, '--plot')
     position, velocity = (_numbers(key, getattr(arguments, key)) for key in ('state', 'rate'))
     machine = str(arguments.machine)
-    if machine in config_files.shipped_machines():
+    if machine in config_files.builtin_machines():
         machine = str(config_files.machine_path(machine))
     elif not config_files.is_robot_scenario(machine):
-        raise UnknownNameError('machine', machine, config_files.shipped_machines())
+        raise UnknownNameError('machine', machine, config_files.builtin_machines())
     values = resolve(machine, simulate.given(arguments))
-    with locating(values):
+    with with_location(values):
         facts = facts_of(robot_of(values), position, velocity)
     files = []
     if arguments.plot:

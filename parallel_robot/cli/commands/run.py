@@ -32,15 +32,15 @@ from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import hazards, yaml_file
 from parallel_robot_model.configuration.config_files import absolute_scenario
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 from parallel_robot_model.messages.topics import add_namespace_argument, full, subscribers
 from parallel_robot_model.processes import cache_directory, realtime
 from parallel_robot_model.processes.child_process import command, die_with_parent
-from parallel_robot_model.processes.ending_signals import ending_signals
 from parallel_robot_model.processes.node_processes import MODULES, NodeProcesses, domain_lock, end
+from parallel_robot_model.processes.termination_signals import termination_signals
 from parallel_robot_sim.configuration import Configuration, assemble, configure
-from parallel_robot_sim.simulation import ENDLESS, plant_doubts
-from trajectory_gen.preflight import motion_doubts
+from parallel_robot_sim.simulation import ENDLESS, plant_warnings
+from trajectory_gen.preflight import motion_warnings
 
 if TYPE_CHECKING:
     from parallel_robot.cli.ros_session import Session
@@ -134,7 +134,7 @@ def record(
     """
     values = resolve(scenario, changed)
     configuration = configure(values)
-    warn(motion_doubts(configuration.trajectory))
+    warn(motion_warnings(configuration.trajectory))
     ended = move(configuration, scenario, changed, out, namespace)
     try:
         made = shared.read_run(out, RobotCode(files=tuple(values['custom_robots'])))
@@ -145,7 +145,7 @@ def record(
     log, past, timed, _ = made
     remarks = [*history.remarks(past, log.start_stamp), *history.losses(past)]
     remarks += timing.remarks(timed, past)
-    doubts = (*ended.doubts, *plant_doubts(configuration))
+    doubts = (*ended.doubts, *plant_warnings(configuration))
     warn((*doubts, *remarks))
     if ended.signal:
         tell(form, f'{StoppedError(ended.signal)} after {log.time[-1]:.1f} s')
@@ -187,7 +187,7 @@ def move(
         RunError: a node failed.
         StoppedError: a signal came before the motion began.
     """
-    with locating(configuration.values):
+    with with_location(configuration.values):
         if not configuration.loop.duration:
             raise InputError(ENDLESS, 'duration')
         experiment = assemble(configuration)
@@ -242,7 +242,7 @@ def _supervise(
     caught: list[int] = []
     handlers = {
         number: signal.signal(number, lambda number, _: caught.append(number))
-        for number in ending_signals()
+        for number in termination_signals()
     }
     try:
         with domain_lock(namespace), NodeProcesses(parameters, namespace) as processes:
@@ -264,10 +264,10 @@ def _supervise(
                         samples, duration = loop.last_index or 0, loop.duration
                         follow(processes, session, samples, duration, progress, act)
                 except StoppedError as error:
-                    return End(signal=error.signal, doubts=tuple(processes.doubts()))
+                    return End(signal=error.signal, doubts=tuple(processes.warnings()))
                 for name in session.silent(filter(processes.running, MODULES)):
                     warn([f'{name} does not answer any more'])
-                return End(session.driven_out, doubts=tuple(processes.doubts()))
+                return End(session.driven_out, doubts=tuple(processes.warnings()))
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)

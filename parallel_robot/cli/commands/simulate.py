@@ -28,7 +28,7 @@ from parallel_robot_model.common.tables import Part
 from parallel_robot_model.configuration import config, config_files, yaml_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
-from parallel_robot_model.configuration.plain_data import Placed, merged
+from parallel_robot_model.configuration.plain_data import LocatedDict, merged
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation
@@ -36,11 +36,11 @@ from parallel_robot_sim.simulation import (
     RunSummary,
     Simulation,
     parts,
-    plant_doubts,
+    plant_warnings,
     saturation_of,
 )
 from trajectory_gen.configuration import with_duration
-from trajectory_gen.preflight import motion_doubts
+from trajectory_gen.preflight import motion_warnings
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -138,10 +138,13 @@ def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
     return [(name, config_files.with_file_contents(values)) for name, values in _layers(arguments)]
 
 
-def _layers(arguments: argparse.Namespace) -> list[tuple[str, Placed]]:
+def _layers(arguments: argparse.Namespace) -> list[tuple[str, LocatedDict]]:
     """The same with the names of files, not what is in them."""
     layers = [(str(path), yaml_file.read_parameter_file(path)) for path in arguments.param_files]
-    return [*layers, (config.OVERRIDE, Placed(yaml_file.parse_assignments(arguments.assignments)))]
+    return [
+        *layers,
+        (config.OVERRIDE, LocatedDict(yaml_file.parse_assignments(arguments.assignments))),
+    ]
 
 
 def machine_file(arguments: argparse.Namespace) -> Path | None:
@@ -149,12 +152,12 @@ def machine_file(arguments: argparse.Namespace) -> Path | None:
     return config_files.machine_file(merged(values for _, values in _layers(arguments)))
 
 
-def given(arguments: argparse.Namespace) -> Placed:
+def given(arguments: argparse.Namespace) -> LocatedDict:
     """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
     return merged(values for _, values in given_layers(arguments))
 
 
-def overrides(arguments: argparse.Namespace) -> Placed:
+def overrides(arguments: argparse.Namespace) -> LocatedDict:
     """What the arguments change in the configuration.
 
     Raises:
@@ -178,7 +181,7 @@ def overrides(arguments: argparse.Namespace) -> Placed:
     return with_duration(scenario, changed, getattr(arguments, 'hold', None))
 
 
-def _fitted(scenario: str, changed: Placed, share: float) -> Placed:
+def _fitted(scenario: str, changed: LocatedDict, share: float) -> LocatedDict:
     """Changes with the motion at a share of its fastest feasible speed.
 
     Raises:
@@ -199,7 +202,10 @@ def remarks(simulation: Simulation, summary: RunSummary) -> list[str]:
         simulation: The simulation, or any part of it.
         summary: What is told of it as a whole.
     """
-    limits, loop = limits_text(summary.acted) if summary.acted else '', simulation.experiment.loop
+    limits, loop = (
+        limits_text(summary.active_limits) if summary.active_limits else '',
+        simulation.experiment.loop,
+    )
     acting = [each.told for each in parse(loop.hazards) if each.at <= loop.duration]
     return [
         *simulation.experiment.control.law.warnings,
@@ -291,11 +297,11 @@ def record(scenario: str, changed: dict[str, Any], out: Path, form: str | None =
     changed = changed | {'time_mode': 'lockstep'}  # whose stamps it has
     values = resolve(scenario, changed)
     configuration = configure(values)
-    warn(motion_doubts(configuration.trajectory))
+    warn(motion_warnings(configuration.trajectory))
     run = _Run(parts(configuration))
     simulation_bag.save(out, values, run)
     part, summary = run.last, run.summary
-    warn((*plant_doubts(configuration), *remarks(part, summary)))
+    warn((*plant_warnings(configuration), *remarks(part, summary)))
     rate = summary.duration / summary.loop_time
     units = configuration.trajectory.robot.joint_units
     delay = delay_text(part.experiment.control.setup, summary.phase, units)

@@ -10,7 +10,7 @@ from parallel_robot.bags import output
 from parallel_robot.cli.commands.simulate import add_scenario_argument, add_set_argument, given
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration.config_files import scenario_of
-from parallel_robot_model.configuration.plain_data import locating
+from parallel_robot_model.configuration.plain_data import with_location
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -27,7 +27,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.out:
         output.check_new(arguments.out, '--out')
     values = resolve(scenario_of(arguments.scenario), given(arguments))
-    with locating(values):
+    with with_location(values):
         posture = posture_of(values)
     if not arguments.out:
         print(posture.description, end='')

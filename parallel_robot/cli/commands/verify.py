@@ -25,7 +25,7 @@ from parallel_robot.studies.verification import (
 )
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, Table
-from parallel_robot_model.configuration.plain_data import Placed
+from parallel_robot_model.configuration.plain_data import LocatedDict
 from parallel_robot_model.robots.robot_checks import FINE
 
 TOLERANCE = 1e-9  # m or rad
@@ -71,7 +71,7 @@ def execute(arguments: argparse.Namespace) -> int:
     return _one(given, simulate.machine_file(arguments), seed, form)
 
 
-def _one(given: Placed, file: Path | None, seed: int, form: str | None) -> int:
+def _one(given: LocatedDict, file: Path | None, seed: int, form: str | None) -> int:
     """Check one robot; print each check, of a described one what differs."""
     lines, compared = [], list[Compared]()
     if file:

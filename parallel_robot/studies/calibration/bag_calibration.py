@@ -48,7 +48,7 @@ from parallel_robot_model.common.errors import (
 )
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.fields import known
+from parallel_robot_model.configuration.fields import given_zero_angles
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.registry import RobotModel, is_known
 
@@ -99,7 +99,9 @@ def calibrate(
                 head = run_log.head(log, 0)
                 measured, remarks = _measured(bag, log, poses, topic, states > KEPT)
                 most = margin(duration, states, len(measured.time))
-                near = NearStates(*nominal_of(log.config), known(log.config), measured.time, most)
+                near = NearStates(
+                    *nominal_of(log.config), given_zero_angles(log.config), measured.time, most
+                )
             with _naming(bag):
                 near.add(log)
         if near is None:
@@ -117,7 +119,7 @@ def calibrate(
         if (np.ptp(track.position, axis=0) < STILL).all():
             raise BagError('the joints stand at one place at all poses')
         robot, _ = nominal_of(log.config)
-        zero = known(log.config)
+        zero = given_zero_angles(log.config)
         model = PoseModel(robot, log.joints, track, measured, nominal[rows], zero, free)
     cause, distant = likely_cause(model, free) or ('', False)
     nominally = _rms(model, model.errors(model.start))
@@ -170,7 +172,7 @@ def _measured(
 
 def _home(robot: RobotModel) -> Rotation | None:
     """Attitude from which the rotation vector of a robot in space counts; None: it has none."""
-    if robot.turns != (0, 1, 2):
+    if robot.rotation_components != (0, 1, 2):
         return None
     module: Any = robot.module
     [turned] = module.orientations(robot.parameters, np.zeros((1, robot.pose_size)))

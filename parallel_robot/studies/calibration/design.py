@@ -31,7 +31,7 @@ from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.configuration.fields import Field, check, known
+from parallel_robot_model.configuration.fields import Field, check, given_zero_angles
 from parallel_robot_model.robots.contract import REACHED
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import preflight
@@ -196,8 +196,8 @@ def design(
     time = np.arange(len(poses), dtype=np.float64)
     joints = tuple(values['joints'])
     measured = MeasuredPoses(time, tuple(range(poses.shape[1])), poses)
-    track = JointTrack(time, position + known(values))
-    model = PoseModel(robot, joints, track, measured, poses, known(values), free)
+    track = JointTrack(time, position + given_zero_angles(values))
+    model = PoseModel(robot, joints, track, measured, poses, given_zero_angles(values), free)
     size = len(model.start) - 1  # without the clock
     slopes = model.slopes(model.start, (size,))[:, :, :size] / model.noise[:, np.newaxis]
     flat = slopes.reshape(-1, size) * model.told[:size]

@@ -31,7 +31,7 @@ from parallel_robot.studies.identification.regression_rows import CUTOFF, highes
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.common.options import refuse
 from parallel_robot_model.common.units import DEGREES
-from parallel_robot_model.configuration.fields import group, known
+from parallel_robot_model.configuration.fields import given_zero_angles, group
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.described.robot import DescribedRobot
 from parallel_robot_model.robots.registry import robot_of
@@ -196,7 +196,9 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
                 raise BagError('torques are needed: joint states have no efforts, or not all')
 
         with _naming(bag, _untold(run.log)):
-            motion = RunMotion(seen(), run.period, run.history.statuses, limit, known(config))
+            motion = RunMotion(
+                seen(), run.period, run.history.statuses, limit, given_zero_angles(config)
+            )
         warnings = [
             line if line.startswith(str(bag)) else f'{bag}: not used: {line}'
             for line in (*told.lines, *motion.left_out)

@@ -29,7 +29,7 @@ from parallel_robot_model.common.units import JointUnits, all_of
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.plain_data import Placed, locating, merged
+from parallel_robot_model.configuration.plain_data import LocatedDict, merged, with_location
 from parallel_robot_model.robots.registry import units_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.simulation import samples_of
@@ -188,10 +188,10 @@ def plan(study: Study) -> Plan:
     for case in cases:
         if found.dimensions(case) > MOST_DIMENSIONS:
             raise InputError(f'at most {MOST_DIMENSIONS} uncertain numbers can be sampled')
-        with locating(Placed({}, study.places)):
+        with with_location(LocatedDict({}, study.places)):
             nominal = _as_drawn(study, case)
         configuration = configure(nominal)
-        with locating(case.overrides):
+        with with_location(case.overrides):
             samples_of(configuration)
     checked: set[str] = set()
     for case, each in product(cases, study.uncertainties):
@@ -221,7 +221,7 @@ def _check(study: Study, case: Case, key: str, value: Any) -> None:
     try:
         configure(resolve(case.scenario, {**case.overrides, key: value}))
     except InputError as error:
-        with locating(Placed({}, study.places)):
+        with with_location(LocatedDict({}, study.places)):
             raise InputError(f'uncertainty: {error}', f'uncertainty.{key}') from None
 
 
@@ -282,7 +282,7 @@ def _sequence(seed: int, *key: int) -> np.random.SeedSequence:
 def _case(study: Study, scenario: str, variant: Variant) -> Case:
     """A law in a scenario; messages name the scenario where it matters."""
     overrides = study.of_case(variant)
-    with locating(overrides):
+    with with_location(overrides):
         overrides = with_duration(scenario, overrides)
         nominal = resolve(scenario, overrides)
     for each in study.uncertainties:
@@ -291,7 +291,7 @@ def _case(study: Study, scenario: str, variant: Variant) -> Case:
                 resolve(scenario, overrides | {each.key: 0.0})
             except InputError as error:
                 text = f'uncertainty in {scenario_stem(scenario)}: {error}'
-                with locating(Placed({}, study.places)):
+                with with_location(LocatedDict({}, study.places)):
                     raise InputError(text, f'uncertainty.{each.key}') from None
     return Case(scenario, variant, overrides, nominal)
 
@@ -306,4 +306,4 @@ def _as_drawn(study: Study, case: Case) -> dict[str, Any]:
             listed = isinstance(nominal, list)
             floats[each.key] = [*map(float, nominal)] if listed else float(nominal)
     places = {key: place for key in floats if (place := study.places.get(f'uncertainty.{key}'))}
-    return resolve(case.scenario, merged((case.overrides, Placed(floats, places))))
+    return resolve(case.scenario, merged((case.overrides, LocatedDict(floats, places))))

@@ -144,7 +144,7 @@ def _measured(each: Prepared) -> Outcome:
         raise RunError(f'{DRIVEN_OUT} after t = {(result.steps - 1) * loop.period:.3f} s')
     made = Simulation(configuration, experiment, reference, result, 0.0)
     found = metrics.figures(of_simulation(made))
-    acted = int(np.bitwise_or.reduce(result.acted))
+    acted = int(np.bitwise_or.reduce(result.active_limits))
     limits = limits_text(acted) if acted else ''
     if made.fault is not None:
         begin, fault = made.fault

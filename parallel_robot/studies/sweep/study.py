@@ -19,7 +19,7 @@ from parallel_robot_model.configuration.config_files import (
     scenario_stem,
 )
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.plain_data import Place, Placed, locating
+from parallel_robot_model.configuration.plain_data import LocatedDict, Location, with_location
 
 # A study that starts from another one, its base, and says only what differs.
 
@@ -48,8 +48,8 @@ def _chosen_laws(known: Any, names: Sequence[Any]) -> Any:
 
 
 def places_with_base(
-    base: Mapping[str, Place], own: Mapping[str, Place], content: Mapping[str, Any]
-) -> dict[str, Place]:
+    base: Mapping[str, Location], own: Mapping[str, Location], content: Mapping[str, Any]
+) -> dict[str, Location]:
     """Where the keys of a study with a base stand; `content` is that of the study alone."""
     replaced = content.keys() - {*GROUPS}
     kept = {key: place for key, place in base.items() if key.partition('.')[0] not in replaced}
@@ -102,10 +102,10 @@ class Study:
     # whether each error is also held against the limit at the chattering of its run
     calm: bool = False
     # where the keys of its file stand, e.g. ``set.friction.viscous``
-    places: Mapping[str, Place] = field(default_factory=dict)
+    places: Mapping[str, Location] = field(default_factory=dict)
     text: str = ''  # its file; of one with a base, or with laws of its own, all of it in one
 
-    def of_case(self, variant: Variant) -> Placed:
+    def of_case(self, variant: Variant) -> LocatedDict:
         """What all runs of a law change in the configuration of a scenario."""
         changed = {
             **({} if self.duration is None else {'duration': (self.duration, 'duration')}),
@@ -119,7 +119,7 @@ class Study:
         names = {key: name for key, (_, name) in changed.items()} | {'scenario': 'scenarios'}
         if names['law'] not in self.places:  # a list of names
             names['law'] = 'laws'
-        return Placed(
+        return LocatedDict(
             {key: value for key, (value, _) in changed.items()},
             {key: self.places[name] for key, name in names.items() if name in self.places},
         )
@@ -201,7 +201,7 @@ def parse(
     if laws is not None:
         content['laws'] = _chosen_laws(content.get('laws'), laws)
         places = {key: place for key, place in places.items() if key.partition('.')[0] != 'laws'}
-    with locating(Placed({}, places), name):
+    with with_location(LocatedDict({}, places), name):
         found = _study(content, folder)
     if not whole or laws is not None:
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
@@ -210,21 +210,21 @@ def parse(
 
 def _loaded(
     text: str, name: str, folder: Path | None, way: tuple[Path, ...]
-) -> tuple[dict[str, Any], dict[str, Place], bool]:
+) -> tuple[dict[str, Any], dict[str, Location], bool]:
     """Content of a study with that of its bases, its places, and whether it has no base."""
     try:
         content = plain_data.load(text)
     except plain_data.NotFiniteError as error:
-        with locating(Placed({}, yaml_file.places(text, name)), name):
+        with with_location(LocatedDict({}, yaml_file.key_locations(text, name)), name):
             raise InputError(str(error), error.key) from None
     except ValueError as error:
         raise InputError(f'{name} cannot be read as YAML: {error}') from None
     if not isinstance(content, dict):
         raise InputError(f'{name} must hold keys and values')
-    places = yaml_file.places(text, name)
+    places = yaml_file.key_locations(text, name)
     if 'base' not in content:
         return content, places, True
-    with locating(Placed({}, places), name):
+    with with_location(LocatedDict({}, places), name):
         base = check('base', str, Field('', ''), content.pop('base'))
         file = file_of(absolute_scenario(base, folder))
         if file in way or len(way) == MAX_BASES:

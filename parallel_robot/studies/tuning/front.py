@@ -20,7 +20,7 @@ from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table
-from parallel_robot_model.common.units import BOTH, HINGES, SLIDES, JointUnits
+from parallel_robot_model.common.units import BOTH, HINGES, PRISMATIC, JointUnits
 from parallel_robot_model.configuration import yaml_file
 
 
@@ -153,7 +153,7 @@ def read_front(directory: Path) -> Front:
         measure, head = MEASURES[manifest['measure of effort']], rows[0]
         effort, units = next(
             (told, each)
-            for each in (HINGES, SLIDES, BOTH)
+            for each in (HINGES, PRISMATIC, BOTH)
             if (told := measure.told(each)).column in head
         )
         (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)

@@ -11,7 +11,7 @@ from parallel_robot_control.contract import Law
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.foreign.channel import Gains
 from parallel_robot_control.laws import s_fotsmc
-from parallel_robot_control.prepared_law import judge
+from parallel_robot_control.prepared_law import validate_gains
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.units import rounded
 from parallel_robot_model.configuration import yaml_file
@@ -19,10 +19,10 @@ from parallel_robot_model.configuration.fields import (
     Field,
     Parameter,
     PerJoint,
+    allowed_words,
     build,
     check,
     parameters,
-    words,
 )
 
 # Where one gain is searched: numbers between limits, or alternatives.
@@ -195,7 +195,7 @@ def space_of(
     varied: dict[str, Range | Choice] = {}
     fixed: dict[str, Any] = {}
     # Not of a law that has only copied the surface: its own theory may differ.
-    coupled = law.judge is s_fotsmc.judge and 'gamma2' not in given
+    coupled = law.validate_gains is s_fotsmc.validate_gains and 'gamma2' not in given
     for key, value in default.items():
         if coupled and key == 'gamma2':
             continue
@@ -237,7 +237,7 @@ def doubts(space: Space, law: Law, gains: Mapping[str, Any], joints: int) -> tup
         InputError: the theory of the law forbids the gains, or a value is wrong.
     """
     own = {key: value for key, value in gains.items() if '.' not in key}
-    return judge(space.law, law, build(law.Gains, own, f'{space.law}.', joints))
+    return validate_gains(space.law, law, build(law.Gains, own, f'{space.law}.', joints))
 
 
 def at_ends(space: Space, gains: Mapping[str, Any], fields: Mapping[str, Field]) -> list[str]:
@@ -321,7 +321,7 @@ def _given(
 
 def _between(where: str, parameter: Parameter, parts: list[str]) -> Range | Choice:
     kind, field = parameter.type, parameter.field
-    kind = float if words(kind) else kind
+    kind = float if allowed_words(kind) else kind
     values = [yaml_file.parse_assignments([f'value={part}'])['value'] for part in parts]
     if get_origin(kind) is Literal or kind is bool:
         chosen = tuple(check(where, kind, field, value) for value in values)

@@ -18,7 +18,7 @@ from parallel_robot_model.compiler.elementary.float_bits import (
     power_of_two,
     quotient,
 )
-from parallel_robot_model.compiler.kernels import inner, merged
+from parallel_robot_model.compiler.kernels import inline_llvm, internal
 
 # Sine, cosine and tangent.
 
@@ -35,7 +35,7 @@ DIGITS = np.array(float_bits.TWO_BY_PI)
 PER_DIGIT, MASK = float_bits.PER_DIGIT, (1 << float_bits.PER_DIGIT) - 1
 
 
-@merged
+@inline_llvm
 def sin(x: float) -> float:
     """Sine of an angle [rad], with an error of less than 1 unit in the last place.
 
@@ -55,7 +55,7 @@ def sin(x: float) -> float:
     return x if abs(x) < TINY else value
 
 
-@merged
+@inline_llvm
 def cos(x: float) -> float:
     """Cosine of an angle [rad], as :func:`sin`."""
     quadrant, high, low, sure = _reduced(x)
@@ -65,7 +65,7 @@ def cos(x: float) -> float:
     return value
 
 
-@inner
+@internal
 def tan(x: float) -> float:
     """Tangent of an angle [rad], 2 t / (1 - t^2) by that of half the angle, each with a rest."""
     if abs(x) < TINY:
@@ -86,7 +86,7 @@ def tan(x: float) -> float:
     return value + error
 
 
-@merged
+@inline_llvm
 def _turned(quadrant: int, high: float, low: float) -> float:
     """Sine of an angle high + low in a quadrant."""
     sine, cosine = _sine(high, low), _cosine(high, low)
@@ -94,7 +94,7 @@ def _turned(quadrant: int, high: float, low: float) -> float:
     return -value if quadrant & 2 else value
 
 
-@merged
+@inline_llvm
 def _sine(x: float, rest: float) -> tuple[float, float]:
     """Sine of x + rest, |x| <= pi/4, as a sum."""
     z = x * x
@@ -108,7 +108,7 @@ def _sine(x: float, rest: float) -> tuple[float, float]:
     return x, (x * z) * p + rest * (1.0 - 0.5 * z)
 
 
-@merged
+@inline_llvm
 def _cosine(x: float, rest: float) -> tuple[float, float]:
     """Cosine of x + rest, |x| <= pi/4, as a sum."""
     z = x * x
@@ -123,7 +123,7 @@ def _cosine(x: float, rest: float) -> tuple[float, float]:
     return value, ((1.0 - value) - half) + (w * p - x * rest)
 
 
-@merged
+@inline_llvm
 def _reduced(x: float) -> tuple[int, float, float, bool]:
     """Quadrant, and what is left of an angle in two floats; whether they are right."""
     shifted = x * PER_QUADRANT + SHIFT
@@ -136,14 +136,14 @@ def _reduced(x: float) -> tuple[int, float, float, bool]:
     return bits_of(shifted), high, low, sure
 
 
-@inner
+@internal
 def _hard_sine(x: float, turn: int) -> float:
     """Sine of an angle and so many quadrants."""
     quadrant, high, low = _hard(x)
     return _turned(quadrant + turn, high, low)
 
 
-@inner
+@internal
 def _hard(x: float) -> tuple[int, float, float]:
     """Quadrant, and what is left of an angle in two floats, near a multiple of pi/2 or large."""
     if not abs(x) < math.inf:
@@ -159,7 +159,7 @@ def _hard(x: float) -> tuple[int, float, float]:
     return bits_of(shifted), high, (left - high) + rest
 
 
-@inner
+@internal
 def _far(x: float) -> tuple[int, float, float]:
     """Quadrant, and what is left of a large angle in two floats.
 
@@ -207,7 +207,7 @@ def _far(x: float) -> tuple[int, float, float]:
     return quadrant, angle, rest
 
 
-@merged
+@inline_llvm
 def _digit(upper: int, lower: int, k: int, carry: int) -> tuple[int, int]:
     """Digit `k` of the product with 2/pi, and what goes on to the next one."""
     total = carry + lower * DIGITS[k] + upper * DIGITS[k + 1]
@@ -229,7 +229,7 @@ SMALL = 2.0**-60  # the arcus tangent of a ratio is the ratio
 LARGEST, LEAST, SCALE = 2.0**500, 2.0**-500, 2.0**600  # lengths that are scaled
 
 
-@inner
+@internal
 def atan2(y: float, x: float) -> float:
     """Angle of the direction (x, y) [rad], with an error of less than 1 unit in the last place.
 
@@ -251,13 +251,13 @@ def atan2(y: float, x: float) -> float:
     return math.copysign(angle + rest, y)
 
 
-@inner
+@internal
 def atan(x: float) -> float:
     """Arcus tangent [rad], with an error of less than 1 unit in the last place."""
     return atan2(x, 1.0)
 
 
-@inner
+@internal
 def asin(x: float) -> float:
     """Arcus sine [rad], with an error of less than 1 unit in the last place."""
     if abs(x) < SMALL:
@@ -269,7 +269,7 @@ def asin(x: float) -> float:
     return math.copysign(angle + (more - rest * abs(x)), x)
 
 
-@inner
+@internal
 def acos(x: float) -> float:
     """Arcus cosine [rad], with an error of less than 1 unit in the last place."""
     if not abs(x) <= 1.0:
@@ -281,7 +281,7 @@ def acos(x: float) -> float:
     return angle + (more + rest * x)
 
 
-@merged
+@inline_llvm
 def _other(x: float) -> tuple[float, float]:
     """sqrt(1 - x^2) as a sum, |x| <= 1."""
     square, error = exact_product(x, x)
@@ -292,7 +292,7 @@ def _other(x: float) -> tuple[float, float]:
     return root, (((left - product) - error) + more) / (2.0 * root) if root > 0.0 else 0.0
 
 
-@merged
+@inline_llvm
 def _axis(y: float, x: float) -> float:
     """Angle of a direction with a length that is zero or infinite, y >= 0."""
     back = math.copysign(1.0, x) < 0.0
@@ -303,7 +303,7 @@ def _axis(y: float, x: float) -> float:
     return PI if back else 0.0
 
 
-@inner
+@internal
 def _angle(y: float, x: float) -> tuple[float, float]:
     """Angle of a direction as a sum, y > 0, both finite."""
     short, long = min(y, abs(x)), max(y, abs(x))

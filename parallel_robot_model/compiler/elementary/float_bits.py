@@ -9,7 +9,7 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 
-from parallel_robot_model.compiler.kernels import merged
+from parallel_robot_model.compiler.kernels import inline_llvm
 from parallel_robot_model.compiler.numba_parts import in_kernels
 
 SHIFT = 1.5 * 2.0**52  # x + SHIFT - SHIFT is the whole number nearest to x
@@ -44,13 +44,13 @@ def _float_of(context: Any, bits: Any) -> Any:
     return types.float64(types.int64), generate
 
 
-@merged
+@inline_llvm
 def power_of_two(exponent: int) -> float:
     """2^exponent, for -1022 <= exponent <= 1023."""
     return float_of((exponent + BIAS) << FRACTION)
 
 
-@merged
+@inline_llvm
 def exact_sum(a: float, b: float) -> tuple[float, float]:
     """a + b, and what rounding took from it.
 
@@ -62,7 +62,7 @@ def exact_sum(a: float, b: float) -> tuple[float, float]:
     return total, (a - (total - part)) + (b - part)
 
 
-@merged
+@inline_llvm
 def halves(a: float) -> tuple[float, float]:
     """Two floats of 26 digits each whose sum is `a`, |a| < 2^996.
 
@@ -74,7 +74,7 @@ def halves(a: float) -> tuple[float, float]:
     return high, a - high
 
 
-@merged
+@inline_llvm
 def exact_product(a: float, b: float) -> tuple[float, float]:
     """a b, and what rounding took from it, by Dekker (1971)."""
     product = a * b
@@ -83,7 +83,7 @@ def exact_product(a: float, b: float) -> tuple[float, float]:
     return product, ((a1 * b1 - product) + a1 * b2 + a2 * b1) + a2 * b2
 
 
-@merged
+@inline_llvm
 def quotient(over: float, rest: float, below: float, more: float) -> tuple[float, float]:
     """(over + rest) / (below + more) as a sum; the second floats are small."""
     value = over / below

@@ -17,7 +17,7 @@ from parallel_robot_model.compiler.elementary.float_bits import (
     power_of_two,
     quotient,
 )
-from parallel_robot_model.compiler.kernels import inner, merged
+from parallel_robot_model.compiler.kernels import inline_llvm, internal
 
 # Exponential function and the hyperbolic tangent.
 
@@ -28,7 +28,7 @@ SATURATED = 20.0  # the hyperbolic tangent is 1
 TINY = 2.0**-54
 
 
-@inner
+@internal
 def exp(x: float) -> float:
     """Exponential function, with an error of less than 1 unit in the last place.
 
@@ -41,7 +41,7 @@ def exp(x: float) -> float:
     return limited_exponential(x, 0.0)
 
 
-@merged
+@inline_llvm
 def limited_exponential(x: float, rest: float) -> float:
     """e^(x + rest) of any x, |rest| < 2^-40."""
     if x != x:
@@ -53,7 +53,7 @@ def limited_exponential(x: float, rest: float) -> float:
     return exponential(x, rest)
 
 
-@merged
+@inline_llvm
 def exponential(x: float, rest: float) -> float:
     """e^(x + rest) of an x for which that is neither 0 nor infinite."""
     k, high, low = _reduced(x, rest)
@@ -63,7 +63,7 @@ def exponential(x: float, rest: float) -> float:
     return value * power_of_two(part) * power_of_two(k - part)
 
 
-@inner
+@internal
 def tanh(x: float) -> float:
     """Hyperbolic tangent: E / (E + 2) with E = e^(2 x) - 1, both with a rest."""
     if abs(x) < TINY or x != x:
@@ -76,7 +76,7 @@ def tanh(x: float) -> float:
     return math.copysign(value + error, x)
 
 
-@merged
+@inline_llvm
 def _less_one(x: float) -> tuple[float, float]:
     """e^x - 1 as a sum, 0 <= x <= 2 SATURATED."""
     k, high, low = _reduced(x, 0.0)
@@ -87,7 +87,7 @@ def _less_one(x: float) -> tuple[float, float]:
     return total, (value - total) + error
 
 
-@merged
+@inline_llvm
 def _reduced(x: float, rest: float) -> tuple[int, float, float]:
     """k, and a sum p such that e^(x + rest) = 2^k (1 + p)."""
     shifted = x * PER_LN_2 + SHIFT
@@ -136,7 +136,7 @@ LOGARITHM = np.array(
 )
 
 
-@inner
+@internal
 def log(x: float) -> float:
     """Natural logarithm, with an error of less than 1 unit in the last place.
 
@@ -153,7 +153,7 @@ def log(x: float) -> float:
     return _any_logarithm(x)[0]
 
 
-@inner
+@internal
 def power(x: float, y: float) -> float:
     """x^y, with an error of less than 1 unit in the last place: e^(y log x) with two floats.
 
@@ -167,7 +167,7 @@ def power(x: float, y: float) -> float:
     return _special_power(x, y)
 
 
-@inner
+@internal
 def _special_power(x: float, y: float) -> float:
     """x^y of any two numbers."""
     if y == 0.0 or x == 1.0:
@@ -190,13 +190,13 @@ def _special_power(x: float, y: float) -> float:
     return -value if negative else value
 
 
-@merged
+@inline_llvm
 def _any_logarithm(x: float) -> tuple[float, float]:
     """Natural logarithm of a positive number as a sum."""
     return _logarithm(x * RAISE, RAISED) if x < NORMAL else _logarithm(x, 0)
 
 
-@merged
+@inline_llvm
 def _logarithm(x: float, shift: int) -> tuple[float, float]:
     """Natural logarithm of x / 2^shift as a sum, x >= NORMAL."""
     bits = bits_of(x)

@@ -25,19 +25,19 @@ from parallel_robot_model.mechanisms.description.parts import (
 from parallel_robot_model.mechanisms.description.tree import (
     AXES,
     Freedoms,
-    Places,
+    LinkFrames,
     Posture,
     Tree,
-    place,
-    turn,
+    link_frames,
+    rotation_about,
 )
 from parallel_robot_model.mechanisms.mechanism import (
     BASE,
     COUPLING,
     FIRST,
     LAST,
+    ORIENTATION,
     POINT,
-    TURN,
     WHOLE,
     Elements,
     Index,
@@ -65,7 +65,7 @@ def equations(description: Description, tree: Tree) -> tuple[Equation, ...]:
     found = [
         Equation(loop.name, kind, tree.on_link(loop.first), tree.on_link(loop.second), direction)
         for loop in description.loops
-        for kind in ((POINT, TURN) if loop.turns else (POINT,))
+        for kind in ((POINT, ORIENTATION) if loop.turns else (POINT,))
         for direction in np.eye(3)
     ]
     index = {link.name: Frame(i) for i, link in enumerate(tree.links)} | {'': Frame(BASE)}
@@ -75,7 +75,7 @@ def equations(description: Description, tree: Tree) -> tuple[Equation, ...]:
     return tuple(found)
 
 
-def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Array:
+def residuals(equations: tuple[Equation, ...], frames: LinkFrames, q: Array) -> Array:
     """By how much a posture misses each equation [m or rad], shape (R,)."""
     missed = []
     for _, kind, first, second, direction, ratio, offset in equations:
@@ -83,8 +83,8 @@ def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Arra
             other = 0.0 if second.body == BASE else q[second.body]
             missed.append(q[first.body] - offset - ratio * other)
             continue
-        rotation, point = places.frame(first)
-        other_rotation, other_point = places.frame(second)
+        rotation, point = frames.frame(first)
+        other_rotation, other_point = frames.frame(second)
         if kind == POINT:
             missed.append(direction @ (point - other_point))
         else:
@@ -93,16 +93,16 @@ def residuals(equations: tuple[Equation, ...], places: Places, q: Array) -> Arra
     return np.array(missed)
 
 
-def jacobian(equations: tuple[Equation, ...], places: Places) -> Array:
+def jacobian(equations: tuple[Equation, ...], frames: LinkFrames) -> Array:
     """Derivative of the residuals by the positions where the equations are met, shape (R, N)."""
-    rows = np.zeros((len(equations), len(places.axis)))
+    rows = np.zeros((len(equations), len(frames.axis)))
     for row, (_, kind, first, second, direction, ratio, _) in zip(rows, equations, strict=True):
         if kind == COUPLING:
             row[first.body] = 1.0
             if second.body != BASE:
                 row[second.body] -= ratio
             continue
-        one, other = places.rates(first), places.rates(second)
+        one, other = frames.rates(first), frames.rates(second)
         row[:] = direction @ (one[kind != POINT] - other[kind != POINT])
     return rows
 
@@ -111,7 +111,10 @@ def jacobian(equations: tuple[Equation, ...], places: Places) -> Array:
 
 NAMES, UNITS = ('x', 'y', 'z', 'rx', 'ry', 'rz'), ('m',) * 3 + ('rad',) * 3
 ORDER = (0, 1, 2, 5, 4, 3)  # in which coordinates are taken
-APART = 0.02, 1e-4  # what makes a coordinate independent of those before, tried in this order
+INDEPENDENCE = (
+    0.02,
+    1e-4,
+)  # what makes a coordinate independent of those before, tried in this order
 
 
 class Tool(NamedTuple):
@@ -150,7 +153,7 @@ def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], 
     """
     size = float(np.linalg.norm(motion, 2)) if motion.size else 0.0
     count = motion.shape[1]
-    for apart in APART if size else ():
+    for apart in INDEPENDENCE if size else ():
         chosen: list[int] = []
         for i in ORDER:
             if len(chosen) < count and _distance(motion[i], motion[chosen]) > apart * size:
@@ -161,7 +164,7 @@ def coordinates(motion: Array) -> tuple[tuple[int, ...], tuple[tuple[str, str], 
             axes = *pair, NORMALS.get(pair, -1)
             beside = np.abs(np.delete(motion, axes, axis=0)).max()
             plane = pair in NORMALS and [*axes[: len(chosen)]] == chosen
-            plane = plane and bool(beside < APART[1] * size)
+            plane = plane and bool(beside < INDEPENDENCE[1] * size)
             level = plane and pair == (0, 1)
             names = ['phi' if level and i == 5 else NAMES[i] for i in chosen]
             units = (UNITS[i] for i in chosen)
@@ -188,18 +191,18 @@ class Assembly(NamedTuple):
     length: float  # by which angles and lengths are compared [m]
     unit: Array  # what makes each residual a length [1 or rad/m], shape (R,)
 
-    def missed(self, q: Array) -> Array:
+    def residuals(self, q: Array) -> Array:
         """By how much positions miss each equation [m], angles times the length, shape (R,)."""
-        return np.abs(residuals(self.equations, place(self.tree, q), q) / self.unit)
+        return np.abs(residuals(self.equations, link_frames(self.tree, q), q) / self.unit)
 
     def gap(self, q: Array) -> float:
         """The greatest of them."""
-        return float(self.missed(q).max(initial=0.0))
+        return float(self.residuals(q).max(initial=0.0))
 
     def distance(self, q: Array) -> float:
         """The greatest distance of what should coincide [m]."""
         points = np.array([equation.kind == POINT for equation in self.equations], dtype=bool)
-        return float(self.missed(q)[points].max(initial=0.0))
+        return float(self.residuals(q)[points].max(initial=0.0))
 
     def closures(self, scaled: bool = True) -> Array:
         """Derivative of the equations by the positions at home, shape (R, N).
@@ -207,12 +210,12 @@ class Assembly(NamedTuple):
         Args:
             scaled: Whether lengths count as angles; else the positions have their units.
         """
-        matrix = jacobian(self.equations, place(self.tree, self.home)) / self.unit[:, None]
+        matrix = jacobian(self.equations, link_frames(self.tree, self.home)) / self.unit[:, None]
         return matrix / self.length * self.steps if scaled else matrix
 
     def motion_of(self, frame: Frame) -> Array:
         """Motion of a frame of a link at home, lengths counted as angles, shape (6, N)."""
-        rate, turning = place(self.tree, self.home).rates(frame)
+        rate, turning = link_frames(self.tree, self.home).rates(frame)
         return np.vstack([rate / self.length, turning]) * self.steps
 
     @property
@@ -329,7 +332,7 @@ class Inertia(NamedTuple):
     inertia: Array  # about them in these frames [kg m^2], shape (N, 3, 3)
 
 
-TURNING = 1e-3  # relative rate of a body above which it turns
+TURNING_RATE = 1e-3  # relative rate of a body above which it turns
 
 
 def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
@@ -337,7 +340,7 @@ def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
 
     It is the last hinge where the ball carries the rod, else the first.
     """
-    places = place(parts.tree, parts.home)
+    places = link_frames(parts.tree, parts.home)
     links = list(parts.tree.links)
     free = [i for i in range(len(links)) if i not in freedoms.actuated]
     motion = np.zeros((len(links), 0))
@@ -354,7 +357,7 @@ def with_spins(parts: Assembly, freedoms: Freedoms) -> Assembly:
             across = np.cross(np.eye(3)[np.argmin(np.abs(spin))], spin)
             across /= np.linalg.norm(across)
             carried = places.rates(Frame(i + 2))[1] @ motion
-            last = bool(np.abs(carried).max() > TURNING * np.abs(motion[i : i + 3]).max())
+            last = bool(np.abs(carried).max() > TURNING_RATE * np.abs(motion[i : i + 3]).max())
             axes = (across, np.cross(spin, across), spin)
             for step, axis in enumerate(axes if last else np.roll(axes, 1, axis=0)):
                 side = LAST if last else FIRST
@@ -387,7 +390,7 @@ def rebased(parts: Assembly, closed: Array) -> Assembly:
         if not link.joint.kind.single and link.name.endswith(AXES[0]):
             turned = link.rotation
             for step in range(3):
-                turned = turned @ turn(links[i + step].axis, closed[i + step])
+                turned = turned @ rotation_about(links[i + step].axis, closed[i + step])
             links[i] = link._replace(rotation=turned)
             home[i : i + 3] = 0.0
     return parts._replace(tree=parts.tree._replace(links=tuple(links)), home=home)
@@ -395,7 +398,7 @@ def rebased(parts: Assembly, closed: Array) -> Assembly:
 
 def _length(tree: Tree, closing: tuple[Equation, ...], home: Array) -> float:
     """The greatest distance of joints and loops from their middle [m], two digits."""
-    places = place(tree, home)
+    places = link_frames(tree, home)
     frames = [frame for e in closing if e.kind == POINT for frame in (e.first, e.second)]
     points = [*places.position, *(places.frame(frame)[1] for frame in frames)]
     spread = np.linalg.norm(np.array(points) - np.mean(points, axis=0), axis=1).max()
@@ -415,7 +418,8 @@ def as_mechanism(
     chosen = [parts.equations[i] for i in freedoms.rows]
     tool = parts.tool.frame
     turned = [
-        e.first.rotation @ e.second.rotation.T if e.kind == TURN else np.eye(3) for e in chosen
+        e.first.rotation @ e.second.rotation.T if e.kind == ORIENTATION else np.eye(3)
+        for e in chosen
     ]
     return Mechanism(
         parent=_index(link.parent for link in links),
@@ -435,7 +439,7 @@ def as_mechanism(
         second=_index(e.second.body for e in chosen),
         first_point=_array((e.first.position for e in chosen), 3),
         second_point=_array((e.second.position for e in chosen), 3),
-        turned=_array(turned, 3, 3),
+        relative_rotation=_array(turned, 3, 3),
         direction=_array((e.direction for e in chosen), 3),
         ratio=_array(e.ratio for e in chosen),
         offset=_array(e.offset for e in chosen),
@@ -445,7 +449,7 @@ def as_mechanism(
         tool=tool.body,
         tool_point=np.array(tool.position),
         tool_rotation=np.array(tool.rotation),
-        tool_home=place(parts.tree, parts.home).frame(tool)[0],
+        tool_home=link_frames(parts.tree, parts.home).frame(tool)[0],
         coordinate=_index(coordinate),
         length=parts.length,
     )
@@ -457,11 +461,11 @@ def _elements(
     """Springs, dampers, rotors and lifts; travel of joints that are not actuated."""
     links, N = parts.tree.links, len(parts.tree.links)
     tendons = [
-        *(_own(link.joint, i in freedoms.actuated) for i, link in enumerate(links)
+        *(_joint_tendon(link.joint, i in freedoms.actuated) for i, link in enumerate(links)
           if i not in freedoms.held and link.joint.kind.single),
         *description.tendons,
     ]  # fmt: skip
-    tendons = [each for each in tendons if _acts(each)]
+    tendons = [each for each in tendons if _has_effect(each)]
     found = elements(N, len(tendons))
     index = {link.name: i for i, link in enumerate(links)}
     for k, tendon in enumerate(tendons):
@@ -487,13 +491,13 @@ def _elements(
     return found
 
 
-def _acts(tendon: Tendon) -> bool:
+def _has_effect(tendon: Tendon) -> bool:
     """Whether it does anything but rub."""
     ends = np.isfinite([tendon.lower, tendon.upper])
     return any((*tendon.damping, *tendon.stiffness, tendon.armature, *ends))
 
 
-def _own(joint: Joint, actuated: bool) -> Tendon:
+def _joint_tendon(joint: Joint, actuated: bool) -> Tendon:
     """What acts in a joint, as a tendon; the linear friction of actuated ones is the plant's."""
     damping = (0.0, *joint.damping[1:]) if actuated else joint.damping
     ends = UNLIMITED if actuated or joint.lower >= joint.upper else (joint.lower, joint.upper)

@@ -28,7 +28,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     held_by_loops,
     listed,
 )
-from parallel_robot_model.mechanisms.description.tree import joined
+from parallel_robot_model.mechanisms.description.tree import compose
 from parallel_robot_model.mechanisms.joint_kinds import OF_FILES
 
 # Numbers, vectors and frames in the attributes (URDF) and elements (SDF) of XML.
@@ -44,10 +44,10 @@ def child(node: Node | None, tag: str) -> Node | None:
     """The first element of a kind in an element; others of it are left out."""
     if node is None:
         return None
-    node.asked.add(tag)
+    node.requested.add(tag)
     found = next((each for each in node if isinstance(each, Node) and each.tag == tag), None)
     if found is not None:
-        found.heard = True
+        found.used = True
     return found
 
 
@@ -61,7 +61,7 @@ def of_element(node: Node | None, key: str) -> str | None:
     found = child(node, key)
     if found is None:
         return None
-    found.asked.add(TEXT)
+    found.requested.add(TEXT)
     return (found.text or '').strip()
 
 
@@ -118,7 +118,7 @@ def unit(node: Node, axis: Array) -> Array:
     return axis / np.linalg.norm(axis)
 
 
-def turned(roll: float, pitch: float, yaw: float) -> Array:
+def rotation_rpy(roll: float, pitch: float, yaw: float) -> Array:
     """Rotation about the fixed x, y and z axes, one after the other, shape (3, 3)."""
     if not (roll or pitch or yaw):
         return np.eye(3)
@@ -159,38 +159,38 @@ def is_true(text: str) -> bool:
     return text.strip().lower() not in ('0', 'false')
 
 
-def hear(node: Node | None) -> None:
+def mark_used(node: Node | None) -> None:
     """Take all of an element for heard: it has no effect where it stands."""
     for each in () if node is None else node.iter():
         assert isinstance(each, Node)
-        each.heard = True
-        each.asked |= {TEXT, *each.keys()}
+        each.used = True
+        each.requested |= {TEXT, *each.keys()}
 
 
-def left_out(root: Node) -> Iterator[str]:
+def unused_elements(root: Node) -> Iterator[str]:
     """What of a description nothing asked for, one line for each kind of it with its places."""
     lines: defaultdict[str, list[int]] = defaultdict(list)
     waiting = [root]
     for node in waiting:  # it grows
         here = f'of <{node.tag}>'
         for key in node.attrib:
-            if key not in (*node.asked, 'name') and not key.startswith('xmlns'):
-                lines[f'{printable(key)} {here}{_near(key, node.asked)}'].append(node.line)
-        if node.text and TEXT not in node.asked:
+            if key not in (*node.requested, 'name') and not key.startswith('xmlns'):
+                lines[f'{printable(key)} {here}{_near(key, node.requested)}'].append(node.line)
+        if node.text and TEXT not in node.requested:
             lines[f'the text {here}'].append(node.line)
         for each in children(node):
-            if each.heard:
+            if each.used:
                 waiting.append(each)
             elif each.tag not in IDLE:
-                what = f'<{printable(each.tag)}> {here}{_near(str(each.tag), node.asked)}'
-                what = f'another <{each.tag}> {here}' if each.tag in node.asked else what
+                what = f'<{printable(each.tag)}> {here}{_near(str(each.tag), node.requested)}'
+                what = f'another <{each.tag}> {here}' if each.tag in node.requested else what
                 lines[what].append(each.line)
     for what, places in sorted(lines.items(), key=lambda item: item[1]):
         yield f'left out: {what}, line {listed(map(str, places))}'
 
 
-def _near(word: str, asked: Collection[str]) -> str:
-    found = difflib.get_close_matches(word, asked, n=1, cutoff=0.75)
+def _near(word: str, known: Collection[str]) -> str:
+    found = difflib.get_close_matches(word, known, n=1, cutoff=0.75)
     return f' (did you mean {found[0]}?)' if found else ''
 
 
@@ -209,7 +209,7 @@ class Edge(NamedTuple):
     parent: str  # name of a link
     child: str  # name of the other
     at: Frame  # its frame on the parent
-    back: Frame  # the same frame on the child, at zero
+    on_child: Frame  # the same frame on the child, at zero
     # its hinges, slides or a ball one after the other from the parent on, with axes in its
     # frame; empty: fixed. Their `name` is the end of a name, or empty; `body` is unset
     steps: tuple[Joint, ...]
@@ -259,7 +259,7 @@ def steps(node: Node, kind: str, axes: Sequence[Array]) -> tuple[Joint, ...]:
     )
 
 
-def acted_on(
+def with_limits(
     step: Joint, name: str, limit: Node | None, dynamics: Node | None, text: Text, notes: Notes
 ) -> Joint:
     """A hinge or slide with its friction, and its limits of effort and speed."""
@@ -320,7 +320,7 @@ MOST = 1000  # links
 LEVER = 0.1  # m, between two points that keep an axis
 
 
-def spread(
+def build_description(
     source: str,
     links: Sequence[Body],
     edges: Sequence[Edge],
@@ -335,9 +335,9 @@ def spread(
     if len(links) > MOST:
         raise InputError(f'{source} has {len(links)} links; {MOST} are possible')
     growing = _Growing()
-    known = {each.name: each for each in links}
+    by_name = {each.name: each for each in links}
     for name in fixed:
-        growing.place(known[name], Frame(WORLD))
+        growing.add(by_name[name], Frame(WORLD))
     reached, waiting = list(fixed), list(edges)
     for name in reached:  # it grows
         for edge in [edge for edge in waiting if name in (edge.parent, edge.child)]:
@@ -348,7 +348,7 @@ def spread(
             if way.child in growing.frames:
                 growing.close(edge, driven)
             else:
-                growing.carry(known[way.child], way)
+                growing.carry(by_name[way.child], way)
                 reached.append(way.child)
     if left := [each.name for each in links if each.name not in growing.frames]:
         what = (
@@ -375,7 +375,7 @@ class _Growing:
         self.loops: list[Loop] = []
         self.frames: dict[str, Frame] = {}
 
-    def place(self, link: Body, at: Frame) -> Frame:
+    def add(self, link: Body, at: Frame) -> Frame:
         frame = Frame(len(self.bodies))
         self.frames[link.name] = frame
         placed = link._replace(parent=at.body, rotation=at.rotation, position=at.position)
@@ -384,34 +384,34 @@ class _Growing:
 
     def carry(self, link: Body, edge: Edge) -> Frame:
         """Add a link that hangs on a joint."""
-        frame = self.place(
-            link, joined(joined(self.frames[edge.parent], edge.at), inverse(edge.back))
+        frame = self.add(
+            link, compose(compose(self.frames[edge.parent], edge.at), inverse(edge.on_child))
         )
         for step in edge.steps:
             self.joints.append(
                 step._replace(
                     name=edge.name + step.name,
                     body=frame.body,
-                    axis=edge.back.rotation @ step.axis,
-                    anchor=edge.back.position,
+                    axis=edge.on_child.rotation @ step.axis,
+                    anchor=edge.on_child.position,
                 )
             )
         return frame
 
     def close(self, edge: Edge, driven: Collection[str]) -> None:
         """Close a loop with a joint."""
-        first = joined(self.frames[edge.parent], edge.at)
-        second = joined(self.frames[edge.child], edge.back)
+        first = compose(self.frames[edge.parent], edge.at)
+        second = compose(self.frames[edge.child], edge.on_child)
         steps, last = edge.steps[:-1], edge.steps[-1:]
         if edge.name in driven or (last and last[0].kind.slides):
             steps, last = edge.steps, ()
         if steps:  # what the loop cannot say is a joint of a body without mass
             own = Body(f'{edge.name} (end)', WORLD, np.eye(3), np.zeros(3))
-            first = self.carry(own, edge._replace(back=Frame(WORLD), steps=steps))
+            first = self.carry(own, edge._replace(on_child=Frame(WORLD), steps=steps))
         if last and last[0].kind.single:
             for arm in (np.zeros(3), LEVER * last[0].axis):
                 lever = Frame(WORLD, position=arm)
-                ends = joined(first, lever), joined(second, lever)
+                ends = compose(first, lever), compose(second, lever)
                 self.loops.append(Loop(edge.name, ends[0], ends[1], False))
         else:
             self.loops.append(Loop(edge.name, first, second, not last))
@@ -421,5 +421,5 @@ def _reversed(edge: Edge) -> Edge:
     """The same joint, the parent on the child; positions of hinges and slides keep their sign."""
     steps = tuple(step._replace(axis=-step.axis) for step in reversed(edge.steps))
     return edge._replace(
-        parent=edge.child, child=edge.parent, at=edge.back, back=edge.at, steps=steps
+        parent=edge.child, child=edge.parent, at=edge.on_child, on_child=edge.at, steps=steps
     )

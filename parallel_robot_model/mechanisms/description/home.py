@@ -15,7 +15,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     listed,
     rank,
 )
-from parallel_robot_model.mechanisms.description.tree import Freedoms, Posture, place
+from parallel_robot_model.mechanisms.description.tree import Freedoms, Posture, link_frames
 
 NAME = 'home'  # of the keyframe that is taken if none is named
 MET = 1e-5  # what closures that contradict each other may leave open, relative to the length
@@ -23,7 +23,10 @@ SPREADS = 0.0, 0.1, 0.3, 0.5, 1.0, 1.0  # rad or m, of starts where one leads no
 DIGITS = 9  # of positions that were searched
 ROUNDS = 100  # of a search for a closed posture
 EXACT = 1e-14  # relative to the length
-BETTER, PATIENCE = 0.98, 8  # what a round should reach, and rounds without that in which it ends
+BETTER, STALLED_ROUNDS = (
+    0.98,
+    8,
+)  # what a round should reach, and rounds without that in which it ends
 DAMPING = 1e-3
 LONGEST = 0.3  # rad, or of the length, of a step
 
@@ -113,13 +116,13 @@ def fitted(parts: Assembly, q: Array, free: list[int]) -> Array:
     best, least, steps, stalled = q, np.inf, parts.steps[free], 0
     scale = parts.unit * parts.length
     for _ in range(ROUNDS if free else 0):
-        places = place(parts.tree, q)
+        places = link_frames(parts.tree, q)
         missing = residuals(parts.equations, places, q) / scale
         size = float(np.linalg.norm(missing))
         stalled = 0 if size < BETTER * least else stalled + 1
         if size < least:
             best, least = q, size
-        if size < EXACT or stalled == PATIENCE:
+        if size < EXACT or stalled == STALLED_ROUNDS:
             break
         matrix = jacobian(parts.equations, places)[:, free] / scale[:, None] * steps
         damping = (DAMPING * size**2 + EXACT) * np.eye(len(matrix))
@@ -139,7 +142,7 @@ def polished(parts: Assembly, rows: list[int], passive: list[int]) -> Array:
     q, chosen = parts.home, tuple(parts.equations[i] for i in rows)
     best, least = q, np.inf
     for _ in range(ROUNDS if rows else 0):
-        places = place(parts.tree, q)
+        places = link_frames(parts.tree, q)
         missing = residuals(chosen, places, q)
         if np.abs(missing).max() >= least:
             break
@@ -204,7 +207,7 @@ def _beside(parts: Assembly, free: list[int]) -> Iterator[Assembly]:
 
 # What people should know of a home and of joints, and which homes are refused.
 
-OPEN, TOLD = 1e-3, 1e-6  # what may stay open, and what is told, relative to the length
+MAX_GAP, REPORTED_GAP = 1e-3, 1e-6  # what may stay open, and what is told, relative to the length
 DEGREES = 10.0, 720.0  # rad, ends of travel that may be in degrees; of more turns there is no end
 MILLIMETRES = 50.0, 1e5  # m, likewise in mm
 
@@ -215,8 +218,8 @@ def check_closed(source: str, parts: Assembly, closed: Array) -> None:
     Raises:
         InputError: they stay open.
     """
-    left = parts.missed(closed)
-    if left.max(initial=0.0) > OPEN * parts.length:
+    left = parts.residuals(closed)
+    if left.max(initial=0.0) > MAX_GAP * parts.length:
         worst = int(np.argmax(left))
         raise InputError(
             f'{source}: the loops do not close near home: '
@@ -224,7 +227,7 @@ def check_closed(source: str, parts: Assembly, closed: Array) -> None:
         )
 
 
-def told(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) -> Iterator[str]:
+def remarks(start: Assembly, closed: Array, parts: Assembly, freedoms: Freedoms) -> Iterator[str]:
     """What was decided about joints and home, one line each.
 
     Args:
@@ -272,7 +275,7 @@ def _of_units(parts: Assembly, ends: Mapping[int, tuple[float, float]]) -> Itera
 
 def _of_home(start: Assembly, closed: Array, parts: Assembly) -> Iterator[str]:
     """By how much home was closed, and what stays open."""
-    if start.gap(start.home) > TOLD * parts.length:
+    if start.gap(start.home) > REPORTED_GAP * parts.length:
         moved = np.abs(closed - start.home)
         turning = np.array([link.kind.turns != 0.0 for link in parts.tree.links])
         motions = (
@@ -284,5 +287,5 @@ def _of_home(start: Assembly, closed: Array, parts: Assembly) -> Iterator[str]:
             f'the loops were open by {start.distance(start.home):.3g} m at home; closed by '
             f'motions of {" and ".join(motions)}'
         )
-    if (left := parts.gap(parts.home)) > TOLD * parts.length:
+    if (left := parts.gap(parts.home)) > REPORTED_GAP * parts.length:
         yield f'closures that others imply stay open by {left:.3g} m'

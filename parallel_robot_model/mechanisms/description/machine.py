@@ -1,4 +1,4 @@
-"""The machine that a description describes: a mechanism, names, limits and doubts."""
+"""The machine that a description describes: a mechanism, names, limits and warnings."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from parallel_robot_model.mechanisms.description.home import (
     on_grid,
     polished,
     posture,
-    told,
+    remarks,
 )
 from parallel_robot_model.mechanisms.description.parts import (
     Body,
@@ -50,8 +50,8 @@ from parallel_robot_model.mechanisms.description.tree import (
     Tree,
     build,
     divide,
-    followed,
-    place,
+    joint_map,
+    link_frames,
 )
 from parallel_robot_model.mechanisms.joint_kinds import SLIDE
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
@@ -68,7 +68,7 @@ SLACK = 1e-6  # of an inertia, relative, that rounding may cost
 LEAST = 1e-12  # least eigenvalue of the inertia matrix, relative to the greatest
 
 
-def merged(
+def lumped_inertia(
     description: Description, tree: Tree, factor: float, load: float, tool: Frame
 ) -> Inertia:
     """The masses of all bodies on the links that carry them.
@@ -107,7 +107,7 @@ def _shift(mass: float, arm: Array) -> Array:
     return np.asarray(mass * (arm @ arm * np.eye(3) - np.outer(arm, arm)))
 
 
-def doubtful(description: Description, tree: Tree) -> list[str]:
+def mass_warnings(description: Description, tree: Tree) -> list[str]:
     """What is doubtful in the masses of bodies that move.
 
     Raises:
@@ -117,55 +117,57 @@ def doubtful(description: Description, tree: Tree) -> list[str]:
     moving = [body for body, host in hosted if host.body != BASE]
     spots = [*(body.centre for body in moving), *(body.position for body in description.bodies)]
     size = max(float(np.linalg.norm(spot)) for spot in spots) if spots else 0.0
-    doubts = [doubt for body in moving for doubt in _doubts(description.source, body, size)]
+    warnings = [
+        warning for body in moving for warning in _body_warnings(description.source, body, size)
+    ]
     heavy = any(body.mass > 1000.0 * LIGHT for body in moving)
     dummies = [body.name for body in moving if heavy and 0.0 < body.mass < LIGHT]
     if dummies:
-        doubts.append(f'bodies of less than {LIGHT:g} kg: {listed(dummies)}')
-    return doubts
+        warnings.append(f'bodies of less than {LIGHT:g} kg: {listed(dummies)}')
+    return warnings
 
 
-def _doubts(source: str, body: Body, size: float) -> list[str]:
+def _body_warnings(source: str, body: Body, size: float) -> list[str]:
     name = printable(body.name)
     if not (0.0 <= body.mass < np.inf and np.isfinite(body.inertia).all()):
         raise InputError(f'{source}: body {name!r}: mass={body.mass:g} must be finite, 0 or more')
     first, second, third = moments = np.linalg.eigvalsh(body.inertia)
     if first < -SLACK * max(abs(moments)):
         raise InputError(f'{source}: body {name!r}: its inertia has the moment {first:.3g} kg m^2')
-    doubts = []
+    warnings = []
     if first + second < third * (1.0 - SLACK):
-        doubts.append(
+        warnings.append(
             f'body {name!r}: no body has moments of inertia of {first:.3g}, {second:.3g} and '
             f'{third:.3g} kg m^2: the greatest exceeds the sum of the others'
         )
     radius = np.sqrt(max(third, 0.0) / max(body.mass, TINY))
     if 0.0 < WIDE * size < radius and body.mass:
-        doubts.append(
+        warnings.append(
             f'body {name!r}: {third:.3g} kg m^2 is the inertia of its {body.mass:.3g} kg at '
             f'{radius:.3g} m, and the machine has {size:.3g} m: if it is in g mm^2, it must be '
             f'{1e-9 * third:.3g} kg m^2'
         )
     elif body.mass >= GRAM and 0.0 < ROUND * SOLID * radius**3 < body.mass:
-        doubts.append(
+        warnings.append(
             f'body {name!r} weighs {body.mass:.4g} kg, too much for its inertia: if that is in g, '
             f'it must be {1e-3 * body.mass:.4g} kg'
         )
     if body.mass > HEAVY:
-        doubts.append(f'body {name!r} weighs {body.mass:.0f} kg')
-    return doubts
+        warnings.append(f'body {name!r} weighs {body.mass:.0f} kg')
+    return warnings
 
 
 def _check_felt(
     description: Description, parts: Assembly, freedoms: Freedoms, inertia: Inertia
 ) -> None:
     """Refuse a machine with a motion that nothing with a mass takes part in."""
-    places = place(parts.tree, parts.home)
+    places = link_frames(parts.tree, parts.home)
     whole = np.diag([link.joint.armature for link in parts.tree.links])
     for i, mass in enumerate(inertia.mass):
         rate, turning = places.rates(Frame(i, position=inertia.centre[i]))
         turned = places.rotation[i] @ inertia.inertia[i] @ places.rotation[i].T
         whole = whole + mass * rate.T @ rate + turning.T @ turned @ turning
-    motion = followed(parts.closures(scaled=False), freedoms)
+    motion = joint_map(parts.closures(scaled=False), freedoms)
     matrix = motion.T @ whole @ motion  # in the actuated joints at home [kg m^2 or kg]
     own = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     scaled = matrix / np.outer(own, own) if own.all() else np.diag(own)
@@ -193,7 +195,7 @@ def _check_driven(
         return
     joints = sorted([*idle, *freedoms.passive])
     null = null_space(parts.closures()[:, joints])
-    places, heavy = place(parts.tree, parts.home), np.flatnonzero(inertia.mass > LIGHT)
+    places, heavy = link_frames(parts.tree, parts.home), np.flatnonzero(inertia.mass > LIGHT)
     rates = [places.rates(Frame(int(i), position=inertia.centre[i]))[0] for i in heavy]
     sizes = np.linalg.eigvalsh(inertia.inertia[heavy])[:, -1] / inertia.mass[heavy]  # m^2
     moved = [
@@ -212,12 +214,12 @@ def _check_driven(
 
 def _weak(parts: Assembly, freedoms: Freedoms, inertia: Inertia, gravity: Array) -> Iterator[str]:
     """Joints that cannot hold the machine against gravity at home."""
-    places, links = place(parts.tree, parts.home), parts.tree.links
+    places, links = link_frames(parts.tree, parts.home), parts.tree.links
     needed = -sum(
         mass * gravity @ places.rates(Frame(i, position=inertia.centre[i]))[0]
         for i, mass in enumerate(inertia.mass)
     )
-    held = needed @ followed(parts.closures(scaled=False), freedoms)
+    held = needed @ joint_map(parts.closures(scaled=False), freedoms)
     for i, load in zip(freedoms.actuated, held, strict=True):
         limit = links[i].joint.effort[int(load > 0.0)]
         if abs(load) > abs(limit) or (load > 0.0) == (limit < 0.0):
@@ -266,7 +268,7 @@ class Machine(NamedTuple):
     coordinates: tuple[tuple[str, str], ...]
     planar: bool  # whether the tool moves in the plane of the first two of them
     home_moved: float  # by how much the loops were open at the home that was asked for [m]
-    doubts: tuple[str, ...]  # what is left out of the file, or is doubtful in it, one line each
+    warnings: tuple[str, ...]  # what is left out of the file, or is doubtful in it, one line each
     remarks: tuple[str, ...]  # what else was decided, one line each
 
 
@@ -329,10 +331,10 @@ def machine(
         freedoms = divide(description.source, names, closures, motion, driven, stopped)
     exact = polished(parts, freedoms.rows, freedoms.passive)
     parts = parts._replace(home=exact, tool=found)
-    inertia = merged(description, parts.tree, mass_factor, payload, found.frame)
+    inertia = lumped_inertia(description, parts.tree, mass_factor, payload, found.frame)
     _check_driven(description.source, parts, freedoms, stopped, inertia)
     _check_felt(description, parts, freedoms, inertia)
-    chosen, coordinates, planar = coordinates_of(motion @ followed(closures, freedoms))
+    chosen, coordinates, planar = coordinates_of(motion @ joint_map(closures, freedoms))
     links = parts.tree.links
     still = [names[i] for i in freedoms.held if i not in stopped]
     joints = [links[i].joint for i in freedoms.actuated]
@@ -357,10 +359,10 @@ def machine(
         coordinates=coordinates,
         planar=planar,
         home_moved=start.distance(start.home),
-        doubts=(
+        warnings=(
             *description.doubts,
-            *doubtful(description, parts.tree),
-            *told(start, closed, parts, freedoms),
+            *mass_warnings(description, parts.tree),
+            *remarks(start, closed, parts, freedoms),
             *_weak(parts, freedoms, inertia, description.gravity),
         ),
         remarks=(
@@ -496,4 +498,4 @@ def parsed(text: str, source: str) -> tuple[Node, bool]:
     Raises:
         InputError: the text is no XML.
     """
-    return robot_file.parse_xml(text, source), text.startswith(f'<?{robot_file.MERGED}?>')
+    return robot_file.parse_xml(text, source), text.startswith(f'<?{robot_file.MERGED_MARK}?>')

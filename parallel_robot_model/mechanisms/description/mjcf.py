@@ -65,7 +65,7 @@ NAMES = {'name', 'class', 'childclass', 'model', 'joint', 'site', 'body', 'group
 COPIES = 1000  # of bodies that <replicate> may make
 
 
-def _drop_cables(root: Node, doubts: list[str]) -> None:
+def _drop_cables(root: Node, warnings: list[str]) -> None:
     """Remove tendons that wind around shapes, and what drives or ties them."""
     names = set()
     for tendons in children(root, 'tendon'):
@@ -79,10 +79,10 @@ def _drop_cables(root: Node, doubts: list[str]) -> None:
             if {node.get('tendon', node.get('tendon1')), node.get('tendon2')} & names:
                 parent.remove(node)
     if names:
-        doubts.append(f'tendons in space are left out, and what drives them: {listed(names)}')
+        warnings.append(f'tendons in space are left out, and what drives them: {listed(names)}')
 
 
-def _prune(node: Node, copies: int, doubts: list[str]) -> None:
+def _prune(node: Node, copies: int, warnings: list[str]) -> None:
     """Refuse, remove and clean what stands in an element."""
     if node.tag == 'replicate':
         count = node.get('count', '1').strip()
@@ -101,9 +101,9 @@ def _prune(node: Node, copies: int, doubts: list[str]) -> None:
         if tag in DROPPED:
             node.remove(child)
             if tag == 'plugin':
-                doubts.append(f'a plugin in {printable(node.tag)} is left out')
+                warnings.append(f'a plugin in {printable(node.tag)} is left out')
         else:
-            _prune(child, copies, doubts)
+            _prune(child, copies, warnings)
 
 
 # MuJoCo's compiler: MJCF made a model without files.
@@ -173,8 +173,8 @@ def read(root: Node, source: str, merged: bool) -> Description:
         InputError: MuJoCo is not installed or does not take the file, or the robot has what this
             suite does not know.
     """
-    spec, doubts = specification(root, source, merged)
-    return _Reading(compiled(spec, source, merged), source, doubts).description()
+    spec, warnings = specification(root, source, merged)
+    return _Reading(compiled(spec, source, merged), source, warnings).description()
 
 
 def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]]:
@@ -189,13 +189,13 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
         InputError: MuJoCo is not installed or does not take the file, or an element needs other
             files or has no place in a robot.
     """
-    doubts: list[str] = []
-    _prune(root, 1, doubts)
-    _drop_cables(root, doubts)
+    warnings: list[str] = []
+    _prune(root, 1, warnings)
+    _drop_cables(root, warnings)
     for compiler in root.iter('compiler'):
         for key in ('balanceinertia', 'boundmass', 'boundinertia', 'settotalmass'):
             if compiler.get(key, 'false') not in ('false', '0', '-1'):
-                doubts.append(f'the file asks for {key}, so its masses or inertias are changed')
+                warnings.append(f'the file asks for {key}, so its masses or inertias are changed')
     last = Node('compiler', fusestatic='false', discardvisual='false')
     last.append(Node('lengthrange', mode='none'))
     root.append(last)
@@ -204,7 +204,7 @@ def specification(root: Node, source: str, merged: bool) -> tuple[Any, list[str]
         spec = mujoco.MjSpec.from_string(robot_file.write_xml(root, merged))
         for body in spec.bodies:
             _need_no_meshes(mujoco, spec, body, source)
-    return spec, doubts
+    return spec, warnings
 
 
 class _Drive(NamedTuple):
@@ -218,8 +218,8 @@ class _Drive(NamedTuple):
 class _Reading:
     """A compiled model on its way to a description."""
 
-    def __init__(self, model: Any, source: str, doubts: list[str]) -> None:
-        self._model, self._source, self._doubts = model, source, doubts
+    def __init__(self, model: Any, source: str, warnings: list[str]) -> None:
+        self._model, self._source, self._warnings = model, source, warnings
         self._mujoco = optional('mujoco')
         self._bodies = [self._name(model.body(i), 'body', i) for i in range(model.nbody)]
         self._joints = [self._name(model.joint(i), 'joint', i) for i in range(model.njnt)]
@@ -234,7 +234,7 @@ class _Reading:
         model = self._model
         loops, couplings = self._closures()
         drives, pulling = self._drives()
-        self._doubts += [*unread(model), *self._of_fluid(), *self._of_balls()]
+        self._warnings += [*unread(model), *self._of_fluid(), *self._of_balls()]
         tendons = tuple(self._tendons(pulling))
         return Description(
             source=self._source,
@@ -247,7 +247,7 @@ class _Reading:
             frames=self._frames(),
             keyframes=dict(self._keyframe(i) for i in range(model.nkey)),
             gravity=np.zeros(3) if self._off('gravity') else np.array(model.opt.gravity),
-            doubts=tuple(self._doubts),
+            doubts=tuple(self._warnings),
         )
 
     def _drives(self) -> tuple[list[Actuator], list[_Drive]]:
@@ -269,7 +269,7 @@ class _Reading:
         for what, which in left.items():
             if which:
                 own = (drives[i].actuator.name if i in drives else names[i] for i in sorted(which))
-                self._doubts.append(f'{what}: {listed(own)}')
+                self._warnings.append(f'{what}: {listed(own)}')
         found = [
             drive.actuator._replace(effort=(0.0, 0.0)) if i in beside else drive.actuator
             for i, drive in driven.items()
@@ -448,7 +448,7 @@ class _Reading:
             name = self._name(model.tendon(i), 'tendon', i)
             if coulomb and len(ratios) > 1:
                 what = f'friction of tendon {printable(name)!r} is left out'
-                self._doubts.append(f'{what}: {coulomb:.3g} N m or N along it')
+                self._warnings.append(f'{what}: {coulomb:.3g} N m or N along it')
             dampings = [_polynomial(model, 'tendon_damping', i), *(each.damping for each in own)]
             slack, stretched = model.tendon_lengthspring[i]
             yield Tendon(
@@ -469,7 +469,7 @@ class _Reading:
         for i in range(model.neq):
             name, kind = self._name(model.equality(i), 'equality', i), int(model.eq_type[i])
             if not model.eq_active0[i] or self._off('equality'):
-                self._doubts.append(f'equality {printable(name)!r} is not active, so left out')
+                self._warnings.append(f'equality {printable(name)!r} is not active, so left out')
             elif kind == kinds.mjEQ_JOINT:
                 couplings.append(self._coupling(i, name))
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):

@@ -51,7 +51,7 @@ opt.jacobian opt.solver opt.*iterations opt.enableflags opt.sdf_* opt.apirate
 """
 
 # What is left out: the value that means nothing, and what people are told.
-TOLD = {
+REPORTED = {
     'body_mocapid': (-1, 'bodies that mocap moves stand still: {}'),
     'body_plugin': (-1, 'plugins of bodies are left out: {}'),
     'jnt_actgravcomp': (0, 'gravcomp is no load of the motors of joints: {}'),
@@ -64,12 +64,12 @@ PREFIXES = {'body': 'body', 'jnt': 'joint', 'tendon': 'tendon'}  # to what MuJoC
 
 def unread(model: Any) -> Iterator[str]:
     """What is left out of a compiled model, one line for each field."""
-    for field, (nothing, text) in TOLD.items():
+    for field, (nothing, text) in REPORTED.items():
         values = getattr(model, field, None)
         if values is not None and len(found := np.flatnonzero(values != nothing)):
             part = getattr(model, PREFIXES[field.partition('_')[0]])
             yield text.format(listed(part(i).name or str(i) for i in found))
-    known = (*READ.split(), *INERT.split(), *TOLD)
+    known = (*READ.split(), *INERT.split(), *REPORTED)
     unknown = (name for name in fields(model) if not any(fnmatchcase(name, k) for k in known))
     if names := sorted({*unknown}):
         yield f'fields that a newer MuJoCo has are not known: {listed(names)}'

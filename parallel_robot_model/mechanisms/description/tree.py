@@ -56,14 +56,14 @@ class Tree(NamedTuple):
 
     def on_link(self, frame: Frame) -> Frame:
         """A frame on a body as one on its link."""
-        return frame if frame.body == WORLD else joined(self.hosts[frame.body], frame)
+        return frame if frame.body == WORLD else compose(self.hosts[frame.body], frame)
 
     def path(self, link: int) -> list[int]:
         """The links from one to the base."""
         return chain([each.parent for each in self.links], link)
 
 
-class Places(NamedTuple):
+class LinkFrames(NamedTuple):
     """Where the links of a tree are."""
 
     rotation: Array  # frames in the world, shape (N, 3, 3)
@@ -91,7 +91,7 @@ class Places(NamedTuple):
         return rate.T, (turns * self.axis).T * moves.T
 
 
-def joined(first: Frame, second: Frame) -> Frame:
+def compose(first: Frame, second: Frame) -> Frame:
     """A frame that is known from another one, seen from what the other is seen from."""
     return Frame(
         first.body,
@@ -100,7 +100,7 @@ def joined(first: Frame, second: Frame) -> Frame:
     )
 
 
-def turn(axis: Array, angle: float) -> Array:
+def rotation_about(axis: Array, angle: float) -> Array:
     """Rotation about an axis, shape (3, 3); exactly none for an angle of zero."""
     return Rotation.from_rotvec(axis * angle).as_matrix() if angle else np.eye(3)
 
@@ -117,7 +117,7 @@ def build(description: Description, posture: Posture) -> Tree:
     joints = description.joints
     for i, body in enumerate(description.bodies):
         frame = Frame(body.parent, body.rotation, body.position)
-        frame = frame if body.parent == WORLD else joined(hosts[body.parent], frame)
+        frame = frame if body.parent == WORLD else compose(hosts[body.parent], frame)
         for joint in (joint for joint in joints if joint.body == i):
             frame = _add(links, i, joint, frame, posture.get(joint.name))
         hosts.append(frame)
@@ -126,11 +126,11 @@ def build(description: Description, posture: Posture) -> Tree:
 
 def _add(links: list[Link], body: int, joint: Joint, frame: Frame, value: object) -> Frame:
     """Append the links of a joint that moves a frame; return the frame on the last of them."""
-    at = joined(frame, Frame(WORLD, position=joint.anchor))
+    at = compose(frame, Frame(WORLD, position=joint.anchor))
     rotation, origin = at.rotation, at.position
     if joint.kind.single:
         origin = origin - rotation @ joint.axis * (joint.kind.slides * joint.zero)
-        rotation = rotation @ turn(joint.axis, -joint.kind.turns * joint.zero)
+        rotation = rotation @ rotation_about(joint.axis, -joint.kind.turns * joint.zero)
         steps = [(joint.name, joint.kind, joint.axis)]
     else:
         if isinstance(value, tuple):
@@ -143,7 +143,7 @@ def _add(links: list[Link], body: int, joint: Joint, frame: Frame, value: object
     return Frame(parent, position=-joint.anchor)
 
 
-def place(tree: Tree, q: Array) -> Places:
+def link_frames(tree: Tree, q: Array) -> LinkFrames:
     """Where the links are at positions [rad or m], shape (N,)."""
     count = len(tree.links)
     rotation, position = np.zeros((count, 3, 3)), np.zeros((count, 3))
@@ -157,13 +157,13 @@ def place(tree: Tree, q: Array) -> Places:
         rotation[i] = before @ link.rotation
         position[i] = origin + before @ link.origin
         position[i] += rotation[i] @ link.axis * (link.kind.slides * q[i])
-        rotation[i] = rotation[i] @ turn(link.axis, link.kind.turns * q[i])
+        rotation[i] = rotation[i] @ rotation_about(link.axis, link.kind.turns * q[i])
     axis = np.array([rotation[i] @ link.axis for i, link in enumerate(tree.links)])
     turns, slides = (
         np.array([getattr(link.kind, each) for link in tree.links], np.float64)
         for each in ('turns', 'slides')
     )
-    return Places(rotation, position, axis.reshape(-1, 3), path, turns, slides)
+    return LinkFrames(rotation, position, axis.reshape(-1, 3), path, turns, slides)
 
 
 # Who drives a machine, who follows by its loops, and who is held.
@@ -236,7 +236,7 @@ def divide(
     return Freedoms(actuated, passive, sorted([*held, *idle]), rows)
 
 
-def followed(closures: Array, freedoms: Freedoms) -> Array:
+def joint_map(closures: Array, freedoms: Freedoms) -> Array:
     """Motion of all N joints by that of the n actuated ones, shape (N, n)."""
     motion = np.zeros((closures.shape[1], len(freedoms.actuated)))
     motion[freedoms.actuated] = np.eye(len(freedoms.actuated))

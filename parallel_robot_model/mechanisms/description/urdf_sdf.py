@@ -17,28 +17,28 @@ from parallel_robot_model.mechanisms.description.graph import (
     ZERO,
     Edge,
     Notes,
-    acted_on,
     attribute,
+    build_description,
     check_held,
     child,
     followers,
-    hear,
     inverse,
     is_true,
-    left_out,
     link,
+    mark_used,
     name_of,
     number,
     numbers,
     of_attribute,
     of_element,
     of_quaternion,
-    spread,
+    rotation_rpy,
     steps,
-    turned,
     unique,
     unknown,
+    unused_elements,
     vector,
+    with_limits,
 )
 from parallel_robot_model.mechanisms.description.parts import (
     INFINITY,
@@ -54,7 +54,7 @@ from parallel_robot_model.mechanisms.description.parts import (
     Range,
     listed,
 )
-from parallel_robot_model.mechanisms.description.tree import joined
+from parallel_robot_model.mechanisms.description.tree import compose
 from parallel_robot_model.mechanisms.joint_kinds import OF_FILES
 
 # What closes loops in URDF, of several authors.
@@ -92,14 +92,14 @@ def _kinds_beyond_urdf(robot: Node, joints: Collection[str]) -> dict[str, tuple[
     return found
 
 
-def _closing_edge(node: Node, links: Collection[str], doubts: Notes) -> Edge:
+def _closing_edge(node: Node, links: Collection[str], notes: Notes) -> Edge:
     """A joint that closes a loop, both ends of which have a place."""
     names, origins = [], []
     for tag in ENDS[str(node.tag)]:
         names.append(_link_of(node, tag, links))
         of_loop = node.tag == 'loop'
         place = child(child(node, tag), 'origin') if of_loop else child(node, f'{tag}_origin')
-        origins.append(_origin(place, doubts))
+        origins.append(_origin(place, notes))
     keys = ('axis',) if node.tag == 'loop' else ('parent_axis', 'child_axis')
     axes = [vector(child(node, key), 'xyz', X) for key in keys]
     how = steps(node, attribute(node, 'type').lower(), axes)
@@ -122,7 +122,7 @@ def _gazebo_edges(robot: Node, edges: Sequence[Edge], roots: Sequence[str]) -> l
     for name in reached if nodes else ():  # it grows
         for edge in edges:
             if edge.parent == name and edge.child not in places:
-                places[edge.child] = joined(places[name], edge.at)
+                places[edge.child] = compose(places[name], edge.at)
                 reached.append(edge.child)
     poses = Poses(Node('model'), False, nodes, places)
     return [_sdf_edge(node, poses, defaultdict(list)) for node in nodes]
@@ -204,7 +204,7 @@ def read_urdf(robot: Node, source: str) -> Description:
     mimics = followers(joints, of_attribute)
     actuators = _actuators(robot, joints, {mimic.joint for mimic in mimics})
     driven = {actuator.joint for actuator in actuators}
-    found = spread(source, list(links.values()), tree, roots, False, driven, closing)
+    found = build_description(source, list(links.values()), tree, roots, False, driven, closing)
     ends = {edge.name: found.frames[edge.child] for edge in edges} | found.frames
     found = found._replace(
         loops=(*found.loops, *_closing_frames(robot, ends)),
@@ -218,12 +218,12 @@ def read_urdf(robot: Node, source: str) -> Description:
         lines.insert(0, f'links without a parent are fixed to the world: {listed(alone)}')
     if not found.loops and (tips := [name for name in found.frames if CLOSING.search(name)]):
         lines.append(f'nothing closes the loops that links are named after: {listed(tips)}')
-    return found._replace(doubts=(*lines, *left_out(robot)))
+    return found._replace(doubts=(*lines, *unused_elements(robot)))
 
 
 def _origin(node: Node | None, notes: Notes) -> Frame:
     """The frame that an element <origin> gives."""
-    rotation = turned(*vector(node, 'rpy', ZERO))
+    rotation = rotation_rpy(*vector(node, 'rpy', ZERO))
     if node is not None and of_attribute(node, 'quat_xyzw') is not None:
         by_quaternion = of_quaternion(node, vector(node, 'quat_xyzw', (0.0, 0.0, 0.0, 1.0)))
         if 'rpy' in node.attrib and not np.allclose(rotation, by_quaternion, atol=1e-3):
@@ -265,14 +265,14 @@ def _edge(
         how = (_limited(node, kind, how[0], beside),)
     elif not how:  # exporters write them of fixed joints, too
         for tag in ('limit', 'dynamics', 'safety_controller', 'mimic'):
-            hear(child(node, tag))
+            mark_used(child(node, tag))
     return Edge(node, name_of(node), ends[0], ends[1], at, Frame(WORLD), how)
 
 
 def _limited(node: Node, kind: str, step: Joint, beside: Beside) -> Joint:
     """A hinge or a slide with what acts on it, and its limits, of two the narrower."""
     limit, name, notes = child(node, 'limit'), name_of(node), beside.notes
-    step = acted_on(step, name, limit, child(node, 'dynamics'), of_attribute, notes)
+    step = with_limits(step, name, limit, child(node, 'dynamics'), of_attribute, notes)
     travel = _ends(node, limit, '{}', notes)
     if kind == 'continuous':
         if -INFINITY < travel[0] < travel[1]:
@@ -338,7 +338,7 @@ def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Bes
         for key in ('type', 'rw_rate', 'is_async'):
             control.get(key)
         for node in children(control, 'transmission'):  # from motors to joints
-            hear(node)
+            mark_used(node)
         for node in children(control, 'joint'):
             found.commanded.setdefault(name_of(node), {}).update(_commanded(node))
     for node in children(robot, 'transmission'):
@@ -347,8 +347,8 @@ def _beside(robot: Node, links: Collection[str], joints: Collection[str]) -> Bes
         actuators = children(node, 'actuator')
         for i, joint in enumerate(children(node, 'joint')):
             for each in (joint, *actuators[i : i + 1]):  # of a motor's own position
-                hear(child(each, 'role'))
-                hear(child(each, 'offset'))
+                mark_used(child(each, 'role'))
+                mark_used(child(each, 'offset'))
             of = {}
             for key, default in (('rotor_inertia', 0.0), ('gear_ratio', 1.0)):
                 owners = (child(each, f'drake:{key}') for each in (*actuators[i : i + 1], node))
@@ -375,11 +375,11 @@ def _commanded(node: Node) -> dict[str, Range]:
     found = {}
     for each in children(node):  # of drivers, but for those that couple joints
         if each.tag == 'param' and each.get('name') not in ('mimic', 'multiplier', 'offset'):
-            hear(each)
+            mark_used(each)
     for interface in children(node, 'command_interface'):
         ends = {'min': -INFINITY, 'max': INFINITY}
         for each in children(interface, 'param'):
-            each.asked.add(TEXT)
+            each.requested.add(TEXT)
             if (key := each.get('name')) in ends:
                 ends[key] = float(numbers(each, each.text or '', key, 1)[0])
         enabled = [child(each, 'limits') for each in (node, interface)]
@@ -423,7 +423,7 @@ def pose(node: Node | None) -> Frame:
     """The frame that an element <pose> gives."""
     if node is None:
         return Frame(WORLD)
-    node.asked |= {TEXT, 'relative_to', 'frame'}
+    node.requested |= {TEXT, 'relative_to', 'frame'}
     way, text = node.get('rotation_format', 'euler_rpy'), node.text or ''
     degrees = is_true(node.get('degrees', 'false'))
     if way == 'quat_xyzw':
@@ -434,7 +434,7 @@ def pose(node: Node | None) -> Frame:
     x, y, z, *angles = numbers(node, text or '0 0 0 0 0 0', 'pose', 6)
     if degrees:
         angles = [float(np.radians(angle)) for angle in angles]
-    return Frame(WORLD, turned(*angles), np.array([x, y, z]))
+    return Frame(WORLD, rotation_rpy(*angles), np.array([x, y, z]))
 
 
 class Poses:
@@ -461,9 +461,9 @@ class Poses:
         at, placed = child(model, 'pose'), model.get('placement_frame')
         start = _named(at)
         first = world.of(model, start) if start else Frame(WORLD)
-        here = joined(first, pose(at))
+        here = compose(first, pose(at))
         if placed:
-            here = joined(here, inverse(self.of(model, placed)))
+            here = compose(here, inverse(self.of(model, placed)))
         self._found.clear()
         self.model = here
 
@@ -480,7 +480,7 @@ class Poses:
             name = _relative(node)
         frame = Frame(WORLD) if name == BASE else self._found.get(name, self.model)
         for node in reversed(chain):
-            frame = joined(frame, pose(child(node, 'pose')))
+            frame = compose(frame, pose(child(node, 'pose')))
             self._found[name_of(node)] = frame
         return frame
 
@@ -546,24 +546,24 @@ def read_sdf(root: Node, source: str) -> Description:
         notes['no joint fixes a link to the world, held is'].append(first)
         edges.append(Edge(model, BASE, BASE, first, poses.of(model, first), Frame(WORLD), ()))
     base = Body(BASE, WORLD, np.eye(3), np.zeros(3))
-    found = spread(source, [base, *links] if links else [], edges, [BASE], True)
+    found = build_description(source, [base, *links] if links else [], edges, [BASE], True)
     check_held(found, edges)
     for node in children(model, 'frame'):
         name = name_of(node)
         carrier = poses.carrier(node, name)
-        here = joined(inverse(poses.of(node, carrier)), poses.of(node, name))
-        found.frames.setdefault(name, joined(found.frames[carrier], here))
+        here = compose(inverse(poses.of(node, carrier)), poses.of(node, name))
+        found.frames.setdefault(name, compose(found.frames[carrier], here))
     physics = [] if world is None else children(world, 'physics')
     owners = [each for each in (world, *physics) if each is not None]
     owner = next((each for each in owners if each.find('gravity') is not None), None)
     gravity = vector(owner, 'gravity', SDF_GRAVITY, of_element)
     for each in physics:  # gravity stood there before SDF 1.6
-        hear(each)
-    doubts = [f'{what}: {listed(names)}' for what, names in notes.items()]
+        mark_used(each)
+    warnings = [f'{what}: {listed(names)}' for what, names in notes.items()]
     return found._replace(
         couplings=tuple(followers(joints, of_element)),
         gravity=gravity,
-        doubts=(*doubts, *left_out(root)),
+        doubts=(*warnings, *unused_elements(root)),
     )
 
 
@@ -580,7 +580,7 @@ def _model(parent: Node, source: str) -> Node:
     still = [node for node in models if is_true(of_element(node, 'static') or '0')]
     moving = [node for node in models if node not in still]
     for node in still:
-        hear(node)
+        mark_used(node)
     if not moving:
         raise InputError(f'{source} has no model that moves')
     if len(moving) > 1:
@@ -593,7 +593,7 @@ def _model(parent: Node, source: str) -> Node:
         for each in (each for each in children(node) if each.tag in OFTEN_OFF):
             words = ' '.join(each.itertext()).lower().split()
             if all(word.strip('-0.') in ('', 'false') for word in words):
-                hear(each)
+                mark_used(each)
     return moving[0]
 
 
@@ -618,14 +618,14 @@ def _sdf_edge(node: Node, poses: Poses, notes: Notes) -> Edge:
     if ends[0] == ends[1]:
         raise refused(node, f'joins the link {printable(ends[0])!r} with itself')
     kind, name = attribute(node, 'type'), name_of(node)
-    here = joined(poses.of(node, _relative(node)), pose(child(node, 'pose')))
-    sides = [joined(inverse(poses.of(node, end)), here) for end in ends]
+    here = compose(poses.of(node, _relative(node)), pose(child(node, 'pose')))
+    sides = [compose(inverse(poses.of(node, end)), here) for end in ends]
     axes = [each for tag in ('axis', 'axis2') if (each := child(node, tag)) is not None]
     how = list(steps(node, kind, [_direction(node, axis, poses, here) for axis in axes]))
     for i, (step, axis) in enumerate(zip(how, axes, strict=False)):
         how[i] = _sdf_limited(step, name, axis, kind, notes)
     for axis in axes[len(how) :]:  # of a fixed joint
-        hear(axis)
+        mark_used(axis)
     child(node, 'physics')
     rotor, ratio = (
         number(node, f'drake:{key}', default, of_element)
@@ -654,9 +654,9 @@ def _direction(node: Node, axis: Node, poses: Poses, here: Frame) -> Array:
 def _sdf_limited(step: Joint, name: str, axis: Node, kind: str, notes: Notes) -> Joint:
     """A joint with what acts on it, and its limits."""
     limit = child(axis, 'limit')
-    step = acted_on(step, name, limit, child(axis, 'dynamics'), of_element, notes)
+    step = with_limits(step, name, limit, child(axis, 'dynamics'), of_element, notes)
     for key in ('stiffness', 'dissipation'):  # of the stops
-        hear(child(limit, key))
+        mark_used(child(limit, key))
     lower = number(limit, 'lower', -INFINITY, of_element)
     upper = number(limit, 'upper', INFINITY, of_element)
     if kind == 'continuous' or not step.kind.single:

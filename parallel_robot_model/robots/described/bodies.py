@@ -10,7 +10,7 @@ from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.mechanism import Mechanism
-from parallel_robot_model.robots.contract import Bodies, Known, amount, within
+from parallel_robot_model.robots.contract import Bodies, KnownQuantity, amount, within
 from parallel_robot_model.robots.described import masses
 from parallel_robot_model.robots.described.parameters import Parameters
 
@@ -18,7 +18,7 @@ LEAST = 1e-3  # of the length of the machine, the least width of a body
 WIDE = np.array([0.1, 10.0])  # of the mass in the file, what is assumed of the machine's
 
 
-class Places(NamedTuple):
+class NumberIndices(NamedTuple):
     """Where the free numbers of a machine stand in its parameters p, by number of their joint."""
 
     links: dict[int, list[int]]  # six moments, three of the centre and the mass; or the moments
@@ -26,7 +26,7 @@ class Places(NamedTuple):
 
 
 def bodies(
-    made: Machine, robot: Parameters, places: Places, p: Array, by_payload: Array | None
+    made: Machine, robot: Parameters, places: NumberIndices, p: Array, by_payload: Array | None
 ) -> Bodies:
     """The bodies; a link without the payload.
 
@@ -40,13 +40,13 @@ def bodies(
         p: Parameters of its linear model, shape (P,).
         by_payload: Their derivatives by the payload, shape (P,); None if there is none.
     """
-    kept = [*(k for each in places.links.values() for k in each), *places.rotors.values()]
-    count = len(kept) + (by_payload is not None)
+    free = [*(k for each in places.links.values() for k in each), *places.rotors.values()]
+    count = len(free) + (by_payload is not None)
     row, linear, numbers = np.eye(count), np.zeros((len(p), count)), np.zeros(count)
-    linear[kept, np.arange(len(kept))] = 1.0
+    linear[free, np.arange(len(free))] = 1.0
     found = masses.masses(made.mechanism, robot._replace(payload=0.0))
     blocks: list[Array] = []
-    known: dict[str, Known] = {}
+    known: dict[str, KnownQuantity] = {}
     total, first, length = np.zeros(count), 0, made.mechanism.length
     for i, place in places.links.items():
         own = row[first : first + len(place)]
@@ -78,13 +78,13 @@ def bodies(
         blocks.append(row[-1][np.newaxis, np.newaxis])
         total += row[-1]
         known['payload'] = amount(row[-1])
-    fixed[kept] = 0.0
+    fixed[free] = 0.0
     known['mass'] = amount(total, *(WIDE * (total @ numbers)).tolist())
     return Bodies(numbers, linear, fixed, tuple(blocks), known)
 
 
 def parameters(
-    mechanism: Mechanism, robot: Parameters, places: Places, numbers: Array
+    mechanism: Mechanism, robot: Parameters, places: NumberIndices, numbers: Array
 ) -> dict[str, Any]:
     """Keys of the robot with their values for these numbers."""
     factor, armature = np.array(robot.mass_factor), np.array(robot.armature)

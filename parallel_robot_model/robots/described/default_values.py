@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.mechanisms import closing, dynamics, tool
+from parallel_robot_model.mechanisms import closure_solver, dynamics, tool
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.margins import margins
 from parallel_robot_model.mechanisms.workspace import boxed
@@ -30,7 +30,7 @@ def choices(values: Mapping[str, Any]) -> dict[str, Any]:
     """What of a machine is chosen, the ``robot.*`` of CHOICES, in their order.
 
     Args:
-        values: What is asked for.
+        values: What is chosen.
     """
     return {
         key: _chosen(key, values.get(f'robot.{key}', default)) for key, default in CHOICES.items()
@@ -159,7 +159,7 @@ def at_home(made: Machine) -> tuple[Array, Array, Array]:
     n = len(made.actuated)
     mechanism, work = boxed(made.mechanism)
     M, Q, gravity, pose = np.zeros((n, n)), np.zeros((n, n)), np.zeros(n), np.zeros(n)
-    closing.close(mechanism, work, work.q.copy())
+    closure_solver.close(mechanism, work, work.q.copy())
     dynamics.model(mechanism, work, np.zeros(n), M, Q, gravity)
     tool.tool_pose(mechanism, work, pose)
     return np.diag(M).copy(), gravity, pose
@@ -173,7 +173,7 @@ def _share(made: Machine, step: float) -> float:
     """
     mechanism, work = boxed(made.mechanism)
     n, position = len(made.actuated), work.q.copy()
-    closing.close(mechanism, work, position)
+    closure_solver.close(mechanism, work, position)
     margins(mechanism, work)  # writes the Jacobian, of a pose that is not the joints
     slopes = work.tool_jacobian if made.coordinates else np.eye(n)
     if np.linalg.matrix_rank(slopes) < n:

@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import Boxed, inner, kernel, read_row, vector, write_row
-from parallel_robot_model.mechanisms import closing, dynamics, tool
+from parallel_robot_model.compiler import Boxed, internal, kernel, read_row, vector, write_row
+from parallel_robot_model.mechanisms import closure_solver, dynamics, tool
 from parallel_robot_model.mechanisms.margins import (
-    keeps,
     margins,
+    margins_hold,
     passive_travel_left,
     travel_left,
 )
@@ -47,7 +47,9 @@ class Constants(NamedTuple):
 
     mechanism: Any  # the machine, a boxed Mechanism
     workspace: Any  # its posture, from which the next one is looked for, a boxed Workspace
-    judged: Any  # the same for postures that are only judged, which lie ahead of the others
+    coarse_workspace: (
+        Any  # the same for postures that are only judged, which lie ahead of the others
+    )
     rows: Array  # vectors that are handed over, shape (ROWS, n)
     matrices: Array  # M and Q, shape (2, n, n)
     travel: Array  # lower and upper ends of travel [rad or m], shape (2, n)
@@ -60,7 +62,7 @@ def constants(
     """A machine at home, with a new memory."""
     n = len(mechanism.actuated)
     machine, made = boxed(mechanism)
-    closing.close(machine, made, made.q.copy())
+    closure_solver.close(machine, made, made.q.copy())
     return Constants(
         machine,
         made,
@@ -72,25 +74,25 @@ def constants(
     )
 
 
-@inner
+@internal
 def _closed(robot: Constants, position: Array) -> int:
     """Close the loops at actuated joints; FOUND or a fault."""
     write_row(robot.rows, 0, position)
-    return closing.close(robot.mechanism, robot.workspace, robot.rows[0])
+    return closure_solver.close(robot.mechanism, robot.workspace, robot.rows[0])
 
 
-@inner
-def _pose(robot: Constants, workspace: Any, like: Array) -> Array:
+@internal
+def _pose(robot: Constants, workspace: Any, template: Array) -> Array:
     """The pose of the posture that is closed."""
     tool.tool_pose(robot.mechanism, workspace, robot.rows[1])
-    return read_row(robot.rows, 1, like)
+    return read_row(robot.rows, 1, template)
 
 
-@inner
+@internal
 def _near(robot: Constants, workspace: Any, margins: SafetyMargins, position: Array) -> int:
     """FOUND, or the margin that is violated in the posture that is closed; NaN is a fault, too."""
     closure, of_tool = robot.home
-    closes, moves = keeps(
+    closes, moves = margins_hold(
         robot.mechanism, workspace, margins.min_closure * closure, margins.min_tool * of_tool
     )
     if not closes:
@@ -118,16 +120,16 @@ def estimate(
 
 
 @kernel
-def ahead(
+def estimate_coarse(
     robot: Constants, margins: SafetyMargins, position: Array, velocity: Array, guess: Array
 ) -> Estimate:
     """As :func:`estimate`, with loops that are closed to seven digits."""
     write_row(robot.rows, 0, position)
-    fault = closing.close_roughly(robot.mechanism, robot.judged, robot.rows[0])
-    return _estimate(robot, robot.judged, margins, position, velocity, guess, fault)
+    fault = closure_solver.close_coarsely(robot.mechanism, robot.coarse_workspace, robot.rows[0])
+    return _estimate(robot, robot.coarse_workspace, margins, position, velocity, guess, fault)
 
 
-@inner
+@internal
 def _estimate(
     robot: Constants,
     workspace: Any,

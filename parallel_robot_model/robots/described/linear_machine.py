@@ -22,14 +22,14 @@ import numpy as np
 
 from parallel_robot_model.common.errors import KinematicsError, printable
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions, model
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed
 from parallel_robot_model.robots.contract import Bodies
 from parallel_robot_model.robots.described import bodies
-from parallel_robot_model.robots.described.bodies import Places
+from parallel_robot_model.robots.described.bodies import NumberIndices
 from parallel_robot_model.robots.described.masses import MOMENTS, masses
 from parallel_robot_model.robots.described.parameters import FAULTS, Parameters
 
@@ -96,7 +96,7 @@ class LinearMachine:
         mechanism = self._machine(robot).mechanism
         return bodies.parameters(mechanism, robot, self._places(robot), numbers)
 
-    def _places(self, robot: Parameters) -> Places:
+    def _places(self, robot: Parameters) -> NumberIndices:
         """What of its parameters is free: what has no mass in the file gets none."""
         of_file, links = self._machine(robot).mechanism, self._links(robot)
         bare = masses(of_file, robot._replace(payload=0.0))
@@ -109,7 +109,7 @@ class LinearMachine:
             elif bare.inertia[i].any():
                 found[i] = moments
         rotors = {i: 10 * count + k for k, i in enumerate(self._rotors(robot))}
-        return Places(found, {i: k for i, k in rotors.items() if i in of_file.actuated})
+        return NumberIndices(found, {i: k for i, k in rotors.items() if i in of_file.actuated})
 
     def regressor(
         self, robot: Parameters, pose: Array, position: Array, velocity: Array, acceleration: Array

@@ -14,7 +14,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import flat
 from parallel_robot_model.configuration.fields import PerLink
 from parallel_robot_model.mechanisms import spatial
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.description.compiled import (
     SAME,
     difference,
@@ -29,7 +29,7 @@ from parallel_robot_model.mechanisms.description.machine import (
     read,
 )
 from parallel_robot_model.mechanisms.description.parts import Description
-from parallel_robot_model.mechanisms.margins import spread
+from parallel_robot_model.mechanisms.margins import flood_fill
 from parallel_robot_model.mechanisms.mechanism import BASE, Mechanism
 from parallel_robot_model.mechanisms.pose_solving import solve_pose
 from parallel_robot_model.mechanisms.skeleton import drawn, positions_of
@@ -80,7 +80,7 @@ class DescribedRobot(Robot):
     joint_motion = staticmethod(kernels.joint_motion)
     locate = staticmethod(kernels.locate)
     estimate = staticmethod(kernels.estimate)
-    ahead = staticmethod(kernels.ahead)
+    estimate_coarse = staticmethod(kernels.estimate_coarse)
     acceleration = staticmethod(kernels.acceleration)
     measure = staticmethod(kernels.measure)
 
@@ -164,9 +164,9 @@ class DescribedRobot(Robot):
         """Whether the tool moves in a plane of two of x, y and z."""
         return self.machine(robot).planar
 
-    def doubts(self, robot: Parameters) -> tuple[str, ...]:
+    def warnings(self, robot: Parameters) -> tuple[str, ...]:
         """What its file says and what is left out of it, or is doubtful, a line each."""
-        return self.machine(robot).doubts
+        return self.machine(robot).warnings
 
     def orientations(self, robot: Parameters, poses: Array) -> Array:
         """Quaternions x, y, z, w of the tool at poses, shapes (N, 4) and (N, m)."""
@@ -242,7 +242,7 @@ class DescribedRobot(Robot):
         postures, queue = np.empty((*shape, joints + 1)), np.empty(shape[0] * shape[1], np.int64)
         grid = np.ascontiguousarray(poses, np.float64)
         machine, made = constants.mechanism, constants.workspace
-        spread(machine, made, grid, constants.travel, first, postures, found, queue)
+        flood_fill(machine, made, grid, constants.travel, first, postures, found, queue)
         closure, of_tool = np.moveaxis(found[..., :2] / constants.home, -1, 0)
         margins = [
             Margin('min_closure', 'closure margin, share of that at home (type 2)', closure),
@@ -348,7 +348,7 @@ def compiled_of(text: str, compiled: str = '') -> str:
     return written(text, f'MuJoCo {optional("mujoco").__version__}', description_of(text))
 
 
-def compiler_doubt(text: str, compiled: str) -> str:
+def compiler_warning(text: str, compiled: str) -> str:
     """That MuJoCo makes other numbers of a text than stand beside it; empty if it is not here."""
     known = numbers_of(compiled, text, 'description')
     if known is None or importlib.util.find_spec('mujoco') is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from parallel_robot_model.common.errors import KinematicsError, RobotError
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.mechanisms.closing import close
+from parallel_robot_model.mechanisms.closure_solver import close
 from parallel_robot_model.mechanisms.dynamics import BodyMotions, body_motions
 from parallel_robot_model.mechanisms.mechanism import BASE, FOUND, POINT, Index, Mechanism
 from parallel_robot_model.mechanisms.workspace import boxed

@@ -20,7 +20,7 @@ from parallel_robot_model.mechanisms.description.parts import (
 )
 from parallel_robot_model.mechanisms.description.tree import Tree, build
 from parallel_robot_model.mechanisms.joint_kinds import FIXED
-from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, TURN, Mechanism
+from parallel_robot_model.mechanisms.mechanism import BASE, COUPLING, ORIENTATION, Mechanism
 from parallel_robot_model.mechanisms.skeleton import lines, positions_of
 from parallel_robot_model.messages.topics import FRAME
 from parallel_robot_model.robots.described.parameters import Parameters
@@ -116,10 +116,12 @@ class DescribedTree:
         """What closes its loops, its tool, and what a URDF has no words for."""
         made, m = self._robot.machine(robot), self._robot.mechanism(robot)
         names, fixed, _ = self._named(robot)
-        closures, turning = [], np.flatnonzero(m.closure == TURN)
+        closures, turning = [], np.flatnonzero(m.closure == ORIENTATION)
         for k in (rows[0] for rows in loops(m)):
             both = m.first[k], m.second[k]
-            turns = [m.turned[i].T for i in turning if (m.first[i], m.second[i]) == both]
+            turns = [
+                m.relative_rotation[i].T for i in turning if (m.first[i], m.second[i]) == both
+            ]
             first, second = (FRAME if end == BASE else names[end] for end in both)
             points = _numbers(m.first_point[k]), _numbers(m.second_point[k])
             rotation = _quaternion(turns[0]) if turns else None

@@ -136,7 +136,7 @@ def _assembled(
 
 
 @kernel
-def _followed(robot: Constants, theta: Array, guess: Array) -> Assembly:
+def _tracked_pose(robot: Constants, theta: Array, guess: Array) -> Assembly:
     """The pose at the end of the path of joint angles from those of the guess to the given ones.
 
     The path is followed in steps within which Newton's iteration provably converges to the
@@ -210,7 +210,7 @@ def forward_kinematics(robot: Constants, theta: Array, guess: Array) -> Assembly
     result = _assembled(robot, ct, st, reached_pose, arm_x, arm_y)
     # 3. From farther away.
     if not done:
-        result = _followed(robot, theta, guess)
+        result = _tracked_pose(robot, theta, guess)
     return result
 
 

@@ -11,15 +11,15 @@ import math
 import numpy as np
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import inner, kernel
+from parallel_robot_model.compiler import internal, kernel
 from parallel_robot_model.mechanisms.closures import (
     accelerations,
     bias,
     derive,
     errors,
+    evaluate,
     motions,
-    place,
-    settle,
+    update_frames,
 )
 from parallel_robot_model.mechanisms.mechanism import (
     FOUND,
@@ -30,8 +30,8 @@ from parallel_robot_model.mechanisms.mechanism import (
     Mechanism,
 )
 from parallel_robot_model.mechanisms.spatial import clear, copy
-from parallel_robot_model.mechanisms.tool import follow
-from parallel_robot_model.mechanisms.workspace import PLACED, SIGN, Workspace, solve_vector
+from parallel_robot_model.mechanisms.tool import unwrap_rotation
+from parallel_robot_model.mechanisms.workspace import FRAMES_SET, SIGN, Workspace, solve_vector
 
 # The posture that a workspace keeps, and how a new one becomes it.
 #
@@ -43,60 +43,63 @@ POLISHED = 1e-13  # and at which no further step is needed
 TRIES = 2  # of other points of the grid, where the trial was not near enough to know its own
 
 
-@inner
-def begin_at_memory(mechanism: Mechanism, workspace: Workspace) -> int:
-    """Place the joints at the memory if that is not done yet."""
-    if workspace.state[PLACED] != 0:
+@internal
+def initialize(mechanism: Mechanism, workspace: Workspace) -> int:
+    """Update the frames at the memory, unless they are up to date."""
+    if workspace.state[FRAMES_SET] != 0:
         return FOUND
     copy(workspace.all, workspace.trial)
     copy(workspace.all, workspace.here)
-    fault = arrive(mechanism, workspace)
+    fault = converge(mechanism, workspace)
     if fault == FOUND:
-        follow(mechanism, workspace)
-        remember(mechanism, workspace)
-        workspace.state[PLACED] = 1
+        unwrap_rotation(mechanism, workspace)
+        commit(mechanism, workspace)
+        workspace.state[FRAMES_SET] = 1
     return fault
 
 
-@inner
-def remember(mechanism: Mechanism, workspace: Workspace) -> None:
-    """Let the memory be the trial."""
+@internal
+def commit(mechanism: Mechanism, workspace: Workspace) -> None:
+    """Make the trial the memory."""
     copy(workspace.trial, workspace.all)
     for j in range(len(workspace.q)):
         workspace.q[j] = workspace.trial[mechanism.actuated[j]]
 
 
-@inner
-def leave(mechanism: Mechanism, workspace: Workspace, fault: int, angle: float) -> int:
-    """Let the memory be the trial, or place the joints at the memory where there is a fault."""
+@internal
+def commit_or_restore(mechanism: Mechanism, workspace: Workspace, fault: int, angle: float) -> int:
+    """Make the trial the memory, or return to the memory after a fault."""
     if fault == FOUND:
-        remember(mechanism, workspace)
+        commit(mechanism, workspace)
     else:
-        go_back(mechanism, workspace, angle)
+        restore(mechanism, workspace, angle)
     return fault
 
 
-@inner
-def go_back(mechanism: Mechanism, workspace: Workspace, angle: float) -> None:
-    """Place the joints at the memory again."""
+@internal
+def restore(mechanism: Mechanism, workspace: Workspace, angle: float) -> None:
+    """Return to the posture of the memory."""
     workspace.angle[0] = angle
     copy(workspace.all, workspace.trial)
-    settle(mechanism, workspace)
+    evaluate(mechanism, workspace)
     derive(mechanism, workspace)
 
 
-@inner
-def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
-    """Close the loops near the trial, such that its last bits do not matter; write W."""
+@internal
+def converge(mechanism: Mechanism, workspace: Workspace) -> int:
+    """Close the loops near the trial by Newton's method from a grid point; write W.
+
+    The grid makes the result independent of the last bits of the trial.
+    """
     r = len(workspace.error)
     if r == 0:
-        place(mechanism, workspace)
+        update_frames(mechanism, workspace)
         workspace.state[SIGN] = 1
         return FOUND
     steps, tries = 0, 0
     round_to_grid(workspace, workspace.layout.passive)
     while steps < 4:
-        sign = settle(mechanism, workspace)
+        sign = evaluate(mechanism, workspace)
         if sign == 0:
             return SINGULAR
         largest = 0.0
@@ -115,7 +118,7 @@ def arrive(mechanism: Mechanism, workspace: Workspace) -> int:
     return NOT_CLOSED
 
 
-@inner
+@internal
 def round_to_grid(workspace: Workspace, joints: Index) -> None:
     """Round some joints of the trial to their grid."""
     grid, trial = workspace.layout.grid, workspace.trial
@@ -124,7 +127,7 @@ def round_to_grid(workspace: Workspace, joints: Index) -> None:
         trial[i] = grid[i] * np.rint(trial[i] / grid[i])
 
 
-@inner
+@internal
 def _was_nearest(workspace: Workspace) -> bool:
     """Whether the trial before its correction was the point of the grid next to it."""
     passive, grid, scale = workspace.layout.passive, workspace.layout.grid, workspace.layout.scale
@@ -135,7 +138,7 @@ def _was_nearest(workspace: Workspace) -> bool:
     return nearest
 
 
-@inner
+@internal
 def correct(workspace: Workspace) -> float:
     """Correct the trial by its errors.
 
@@ -162,7 +165,7 @@ LONGEST = 0.5  # rad, change of a passive joint in a step
 CHORDS = 12  # corrections of a step
 BENT = 0.4  # change of the Jacobian in a step, relative, at which corrections converge well
 FAST = 1e3  # rates of passive joints over those of actuated ones, at the end of the reach
-ON_THE_WAY = 1e-7  # accuracy of a posture in between
+COARSE = 1e-7  # accuracy of a posture in between
 EXACT = 2e-14  # and of one that is rounded to the grid next
 NEAR = 2e-10  # error of a prediction that mostly has the right point of the grid next to it
 NOISE = 1e-11  # corrections below it need not become smaller
@@ -180,41 +183,41 @@ def close(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
     Returns:
         FOUND, NOT_CLOSED, SINGULAR or NOT_FINITE.
     """
-    return _close(mechanism, workspace, q, EXACT)
+    return _record_answer(mechanism, workspace, q, EXACT)
 
 
 @kernel
-def close_roughly(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
-    """As :func:`close`, with an error of ON_THE_WAY, for a posture that is only judged.
+def close_coarsely(mechanism: Mechanism, workspace: Workspace, q: Array) -> int:
+    """As :func:`close`, with an error of COARSE, for a posture that is only judged.
 
     The next way begins there, that of :func:`close` to the same positions, too.
     """
-    fault = _close(mechanism, workspace, q, ON_THE_WAY)
+    fault = _record_answer(mechanism, workspace, q, COARSE)
     if fault == FOUND:
         workspace.q[0] = np.nan
     return fault
 
 
-@inner
-def _close(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
-    """Find the posture with an accuracy, EXACT or ON_THE_WAY."""
-    fault = begin_at_memory(mechanism, workspace)
+@internal
+def _record_answer(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
+    """Find the posture with an accuracy, EXACT or COARSE."""
+    fault = initialize(mechanism, workspace)
     if fault != FOUND or _same(q, workspace.q):
         return fault
     if not finite(q):
         return NOT_FINITE
     angle = workspace.angle[0]
-    if len(workspace.error) == 0 and workspace.layout.turns == 0:
+    if len(workspace.error) == 0 and workspace.layout.rotation_coordinate == 0:
         for j in range(len(q)):
             workspace.trial[mechanism.actuated[j]] = q[j]
-        place(mechanism, workspace)
+        update_frames(mechanism, workspace)
         fault = FOUND
     else:
-        fault = _go(mechanism, workspace, q, accuracy)
-    return leave(mechanism, workspace, fault, angle)
+        fault = _follow_path(mechanism, workspace, q, accuracy)
+    return commit_or_restore(mechanism, workspace, fault, angle)
 
 
-@inner
+@internal
 def _same(a: Array, b: Array) -> bool:
     same = True
     for i in range(len(a)):
@@ -222,7 +225,7 @@ def _same(a: Array, b: Array) -> bool:
     return same
 
 
-@inner
+@internal
 def finite(x: Array) -> bool:
     """Whether all elements are numbers."""
     total = 0.0
@@ -231,14 +234,14 @@ def finite(x: Array) -> bool:
     return total == 0.0
 
 
-@inner
-def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
+@internal
+def _follow_path(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -> int:
     """Go from the memory to positions of the actuated joints, step by step."""
     copy(workspace.all, workspace.here)
     share = 1.0
-    bent, length = _direct(mechanism, workspace, q)
+    bent, length = _write_tangent(mechanism, workspace, q)
     exactly = accuracy == EXACT
-    near = length * bent * bent <= (NEAR if exactly else 0.1 * ON_THE_WAY)
+    near = length * bent * bent <= (NEAR if exactly else 0.1 * COARSE)
     near &= bent <= BENT and length <= LONGEST
     near &= not (exactly and math.isnan(workspace.q[0]))  # from where loops are closed well
     for _ in range(ATTEMPTS):
@@ -251,10 +254,10 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
         elif not _step(mechanism, workspace, q, share, bent, length, accuracy):
             failed = NOT_CLOSED
         if failed == FOUND:
-            failed = settle_there(mechanism, workspace, last and exactly)
+            failed = evaluate_trial(mechanism, workspace, last and exactly)
         if failed == FOUND and near and not exactly:
-            failed = FOUND if correct(workspace) <= ON_THE_WAY else NOT_CLOSED
-        if failed == FOUND and not follow(mechanism, workspace):
+            failed = FOUND if correct(workspace) <= COARSE else NOT_CLOSED
+        if failed == FOUND and not unwrap_rotation(mechanism, workspace):
             failed = NOT_CLOSED
         if failed == FOUND and last:
             if not exactly:
@@ -263,42 +266,42 @@ def _go(mechanism: Mechanism, workspace: Workspace, q: Array, accuracy: float) -
         if failed == FOUND:
             copy(workspace.trial, workspace.here)
             derive(mechanism, workspace)
-            bent, length = _direct(mechanism, workspace, q)
+            bent, length = _write_tangent(mechanism, workspace, q)
             share = 2.0 * share / (1.0 - share)
             share = share if share < 0.9 else 1.0
             continue
         if last or failed == SINGULAR:  # have the factors of the last posture of the way again
             copy(workspace.here, workspace.trial)
-            settle(mechanism, workspace)
+            evaluate(mechanism, workspace)
         share = share if near else 0.5 * share
         near = False
     driven = 0.0
     for j in range(len(q)):
         i = mechanism.actuated[j]
         driven = max(driven, abs(workspace.way[0, i]) / workspace.layout.scale[i])
-    return what_stops(length, driven)
+    return stop_reason(length, driven)
 
 
-@inner
-def settle_there(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> int:
-    """Have errors and factors of the trial, which becomes exact or stays; FOUND or a fault."""
+@internal
+def evaluate_trial(mechanism: Mechanism, workspace: Workspace, exactly: bool) -> int:
+    """Compute errors and factors at the trial, made exact on demand; FOUND or a fault."""
     sign, fault = workspace.state[SIGN], FOUND
     if exactly:
-        fault = arrive(mechanism, workspace)
+        fault = converge(mechanism, workspace)
         found, workspace.state[SIGN] = workspace.state[SIGN], sign
     else:
-        found = settle(mechanism, workspace)
+        found = evaluate(mechanism, workspace)
     return SINGULAR if fault == FOUND and found != sign else fault
 
 
-@inner
-def what_stops(length: float, driven: float) -> int:
-    """Why a way ends at `here`: beyond its reach joints would move ever faster than is driven."""
+@internal
+def stop_reason(length: float, driven: float) -> int:
+    """Why a path ends at `here`: NOT_CLOSED at the end of the reach, else SINGULAR."""
     return NOT_CLOSED if not length <= FAST * driven else SINGULAR
 
 
-@inner
-def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float, float]:
+@internal
+def _write_tangent(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float, float]:
     """Write the derivatives of the way to q."""
     way, W, here = workspace.way, workspace.W, workspace.here
     clear(way[0])
@@ -321,7 +324,7 @@ def _direct(mechanism: Mechanism, workspace: Workspace, q: Array) -> tuple[float
     return 2.0 * second / first if first > 0.0 else 0.0, first
 
 
-@inner
+@internal
 def _predict(mechanism: Mechanism, workspace: Workspace, q: Array, share: float) -> None:
     """Write the trial at a share of the way, by its derivatives."""
     trial, here, way = workspace.trial, workspace.here, workspace.way
@@ -332,7 +335,7 @@ def _predict(mechanism: Mechanism, workspace: Workspace, q: Array, share: float)
             trial[mechanism.actuated[j]] = q[j]
 
 
-@inner
+@internal
 def _step(
     mechanism: Mechanism,
     workspace: Workspace,
@@ -352,18 +355,18 @@ def _step(
         return False
     _predict(mechanism, workspace, q, share)
     if len(workspace.error) == 0:
-        place(mechanism, workspace)
+        update_frames(mechanism, workspace)
         return True
-    enough = accuracy if share >= 1.0 else ON_THE_WAY
-    before = length + 10.0 * ON_THE_WAY  # the posture where the way begins is not closed better
+    enough = accuracy if share >= 1.0 else COARSE
+    before = length + 10.0 * COARSE  # the posture where the way begins is not closed better
     curved = bent / length if length > 0.0 else 0.0  # change of the Jacobian by a correction
     anew = False
     for k in range(CHORDS):
         if anew:
-            if settle(mechanism, workspace) == 0:
+            if evaluate(mechanism, workspace) == 0:
                 return False
         else:
-            place(mechanism, workspace)
+            update_frames(mechanism, workspace)
             errors(mechanism, workspace)
         size = correct(workspace)
         if not size <= (BENT * before if k > 0 else before) + NOISE:

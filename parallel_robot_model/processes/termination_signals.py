@@ -7,11 +7,11 @@ import signal
 import threading
 from types import FrameType
 
-AGAIN = 0.01  # s, after which a signal is sent once more
+RETRY_DELAY = 0.01  # s, after which a signal is sent once more
 CALLBACKS = '_raw_object_cache_'  # methods that machine code of llvmlite calls
 
 
-class Ended(KeyboardInterrupt):
+class Terminated(KeyboardInterrupt):
     """A signal ends the command; custom code, and who compiles it, are not to blame.
 
     Args:
@@ -23,13 +23,13 @@ class Ended(KeyboardInterrupt):
         self.exit_code = 128 + number
 
 
-def ending_signals() -> tuple[signal.Signals, ...]:
+def termination_signals() -> tuple[signal.Signals, ...]:
     """Ctrl-C, a request to end, and the end of the terminal, unless `nohup` keeps that away."""
     ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return (signal.SIGINT, signal.SIGTERM, *(() if ignored else (signal.SIGHUP,)))
 
 
-def end(number: int, frame: FrameType | None) -> None:
+def terminate(number: int, frame: FrameType | None) -> None:
     """Handle a signal: what was begun is cleaned up.
 
     Raises:
@@ -37,7 +37,7 @@ def end(number: int, frame: FrameType | None) -> None:
     """
     while frame is not None:
         if frame.f_code.co_name.startswith(CALLBACKS):
-            threading.Timer(AGAIN, os.kill, (os.getpid(), number)).start()
+            threading.Timer(RETRY_DELAY, os.kill, (os.getpid(), number)).start()
             return
         frame = frame.f_back
-    raise Ended(number)
+    raise Terminated(number)

@@ -1,4 +1,4 @@
-"""The plant once more under torques that are known: the true motion behind a bag."""
+"""Replay of the plant under recorded torques: the true motion behind a bag."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot_model.common.units import Array
-from parallel_robot_model.compiler import FirstClass, is_finite, kernel, read_row, write_row
+from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import neutral
 from parallel_robot_model.configuration.hazard_table import Heard
 from parallel_robot_sim.configuration import Configuration, assemble_plant
@@ -24,19 +24,19 @@ from parallel_robot_sim.plant import (
 from trajectory_gen.trajectory import Reference
 
 
-class Again(NamedTuple):
+class Replay(NamedTuple):
     """What a plant did, one row for each sample."""
 
     joints: Array  # actuated joints as they were [rad], shape (N, n)
-    told: Array  # the same as its states told them [rad], shape (N, n)
+    measured: Array  # the same as measured [rad], shape (N, n)
     # torque of the motors during the step that ended at the sample [N m], shape (N, n)
     effort: Array
-    heard: Heard  # which states were told and answered
+    heard: Heard  # which states were published and answered
 
 
 def under_commands(
     configuration: Configuration, commands: Array, reference: Reference
-) -> Again | None:
+) -> Replay | None:
     """What a plant did under the commands of a controller that answered in step.
 
     Args:
@@ -59,8 +59,8 @@ def under_commands(
     torque = np.zeros_like(reference.position)
     since = np.searchsorted(rows, np.arange(len(torque)), side='right')
     torque[since > 0] = commands[np.minimum(since[since > 0], len(commands)) - 1]
-    joints, seen, effort, _ = _moved_by(plant.setup, plant.state, heard, torque, period)
-    return Again(joints, seen, effort, heard)
+    joints, seen, effort, _ = _run_under(plant.setup, plant.state, heard, torque, period)
+    return Replay(joints, seen, effort, heard)
 
 
 class UnderCommands:
@@ -83,13 +83,13 @@ class UnderCommands:
             they stop to be finite. The torque of the motors there [N m], likewise.
         """
         plant, heard = self._plant.setup, self._plant.hazards.heard(np.arange(len(commands)))
-        joints, seen, effort, self._state = _moved_by(
+        joints, seen, effort, self._state = _run_under(
             plant, self._state, heard, commands, self._period
         )
         return joints, seen, effort
 
 
-def under_torques(configuration: Configuration, effort: Array, reference: Reference) -> Again:
+def under_torques(configuration: Configuration, effort: Array, reference: Reference) -> Replay:
     """What a plant did, from the torques of its motors.
 
     Args:
@@ -110,15 +110,15 @@ def under_torques(configuration: Configuration, effort: Array, reference: Refere
     period = configuration.loop.period
     heard = plant.hazards.heard(np.arange(len(reference.position)))
     torque = np.vstack([effort[1:], effort[-1:]])
-    joints, seen, effort, _ = _moved_by(plant.setup, plant.state, heard, torque, period)
-    return Again(joints, seen, effort, heard)
+    joints, seen, effort, _ = _run_under(plant.setup, plant.state, heard, torque, period)
+    return Replay(joints, seen, effort, heard)
 
 
-def _moved_by(
+def _run_under(
     setup: PlantSetup, state: PlantState, heard: Heard, torque: Array, period: float
 ) -> tuple[Array, Array, Array, PlantState]:
     waiting = not_waiting(torque.shape[1])
-    value = FirstClass(step, setup, state, state.torque, period)
+    value = FunctionValue(step, setup, state, state.torque, period)
     states: tuple[Array, Array, Array, PlantState] = _loop(
         value, setup, state, heard.told, heard.answered, waiting, torque, period
     )
@@ -130,22 +130,22 @@ def _loop(
     step: Any,
     plant: PlantSetup,
     state: PlantState,
-    is_told: NDArray[np.bool_],
+    is_published: NDArray[np.bool_],
     answered: NDArray[np.bool_],
     waiting: Waiting,
     torque: Array,
     period: float,
 ) -> tuple[Array, Array, Array, PlantState]:
-    """Joints, what is told of them, torques, and the state then, without a controller."""
+    """Joints, true and measured, torques, and the state then, without a controller."""
     row = state.torque
     joints, seen, effort = np.empty_like(torque), np.empty_like(torque), np.empty_like(torque)
     for k in range(len(torque)):
-        now = observe(plant, state, k, period, is_told[k])
+        now = observe(plant, state, k, period, is_published[k])
         if not is_finite(now.true.velocity):
             return joints[:k], seen[:k], effort[:k], state
         write_row(joints, k, now.true.position)
         write_row(seen, k, now.position)
         write_row(effort, k, state.torque)
-        asked, waiting = demanded(plant, state, waiting, read_row(torque, k, row), answered[k], k)
-        state = step(plant, state, asked, period)
+        demand, waiting = demanded(plant, state, waiting, read_row(torque, k, row), answered[k], k)
+        state = step(plant, state, demand, period)
     return joints, seen, effort, state
