@@ -29,7 +29,7 @@ from parallel_robot_control.messages import limit_codes
 from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import EFFORT, REFERENCE
 from parallel_robot_model.compiler import Struct, vector
-from parallel_robot_model.configuration.hazard_table import UNTOLD
+from parallel_robot_model.configuration.hazard_table import UNPUBLISHED
 from parallel_robot_model.configuration.hazards import KINDS, Hazard, parse
 from parallel_robot_sim.closed_loop import ClosedLoopRun, run
 from parallel_robot_sim.configuration import Configuration, assemble_plant, configure
@@ -134,7 +134,9 @@ def simulated(scenario: str, law: str, hazard: Hazard) -> Cell:
         else ''
     )
     timeout = configuration.plant.command_timeout
-    silent = hazard.what in {*UNTOLD, 'commands_lost', 'velocity_nan'} and hazard.lasts >= timeout
+    silent = (
+        hazard.what in {*UNPUBLISHED, 'commands_lost', 'velocity_nan'} and hazard.lasts >= timeout
+    )
     if silent and (told is None or told > timeout):
         told, name = timeout, 'command time-out of the motors'
     # 2. The way after the fault.

@@ -498,7 +498,7 @@ class Controller:
         before = self._sample if index > 0 else -1  # else the plant was reset
         sample = table.sample_of(index, before)
         self._sample = sample
-        reason = faults.NUMBERS.get(REASONS[table.heard(sample).refused], faults.NONE)
+        reason = faults.NUMBERS.get(REASONS[table.reception(sample).refused], faults.NONE)
         if reason != faults.NONE and self._loop.lockstep:
             self._refused = reason, common.answers, 0
         if any(before < renewal <= sample for renewal in table.renewals):
@@ -508,7 +508,7 @@ class Controller:
         if any(before < clear <= sample for clear in table.clears):
             known = self.fault != faults.NONE and not self._state.lost
             self._changed |= known and not self.clear_fault()
-        common.until = start + int(table.heard(index).newest) * self._loop.period_ns
+        common.until = start + int(table.reception(index).newest) * self._loop.period_ns
         if reason == faults.NONE or not self._loop.lockstep:
             return ANSWERED
         return REFUSED_LONG if sample in table.lost and self.lose(reason) else REFUSED

@@ -16,12 +16,12 @@ from parallel_robot_control.safety import faults
 from parallel_robot_control.safety.limiting import REFERENCE, When
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, vector, write_row
-from parallel_robot_model.configuration.hazard_table import Heard
+from parallel_robot_model.configuration.hazard_table import Reception
 from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_sim.configuration import Plant
-from parallel_robot_sim.course import Course, course_of
-from parallel_robot_sim.hazards import Waiting, not_waiting
+from parallel_robot_sim.hazards import CommandTimeout, no_command_timeout
 from parallel_robot_sim.plant import PlantSetup, PlantState, demanded, observe, step
+from parallel_robot_sim.timeline import Timeline, timeline_of
 from trajectory_gen.trajectory import Reference
 
 
@@ -36,19 +36,19 @@ class ClosedLoopRun(NamedTuple):
     passive_velocity: Array  # their rates [rad/s], shape (N, p)
     effort: Array  # torque applied during the step that ended at the state [N m]
     command: Array  # torque computed from the state [N m]; NaN, as the next, without an answer
-    telemetry: Array  # what is told of the cycle, see `told`, shape (N, T, n)
+    telemetry_rows: Array  # telemetry of the cycles, see `telemetry`, shape (N, T, n)
     fault: NDArray[np.int64]  # fault of the controller at the state, see faults.py, shape (N,)
     active_limits: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
     plant: PlantState  # state of the plant after the last command
-    waiting: Waiting  # what the motors know of the commands after the last row
+    waiting: CommandTimeout  # what the motors know of the commands after the last row
     sent: Array  # the last command [N m], shape (n,)
     cause: int  # fault whose cause was there at the last state, see Cycle
 
     @property
-    def told(self) -> Telemetry:
-        """What is told of the cycles, each shape (N, n)."""
-        return Telemetry(*np.moveaxis(self.telemetry, 1, 0))
+    def telemetry(self) -> Telemetry:
+        """What is reported of the cycles, each shape (N, n)."""
+        return Telemetry(*np.moveaxis(self.telemetry_rows, 1, 0))
 
 
 TOLD = len(Telemetry._fields)
@@ -59,7 +59,7 @@ class LoopState(NamedTuple):
     """What one sample hands to the next; attributes as the last ones of a ClosedLoopRun."""
 
     plant: PlantState
-    waiting: Waiting
+    waiting: CommandTimeout
     sent: Array
     cause: int
 
@@ -83,9 +83,9 @@ def run(
             positions, efforts, faults and limits.
         anew: Whether the law begins with an empty memory; else it has that of its last cycle.
     """
-    course = course_of(plant, reference, period)
+    timeline = timeline_of(plant, reference, period)
     return run_part(
-        control, plant, course, initial_state(control, plant, anew), period, 0, complete
+        control, plant, timeline, initial_state(control, plant, anew), period, 0, complete
     )
 
 
@@ -94,7 +94,7 @@ def initial_state(control: Control, plant: Plant, anew: bool = True) -> LoopStat
     if anew:
         control.law.reset()
     control.setup.memory.state.value = control.state
-    waiting = not_waiting(len(control.state.fault_position))
+    waiting = no_command_timeout(len(control.state.fault_position))
     return LoopState(plant.state, waiting, waiting.command, faults.NONE)
 
 
@@ -106,7 +106,7 @@ def final_state(run: ClosedLoopRun) -> LoopState:
 def run_part(
     control: Control,
     plant: Plant,
-    course: Course,
+    timeline: Timeline,
     state: LoopState,
     period: float,
     first: int = 0,
@@ -118,7 +118,7 @@ def run_part(
     Args:
         control: The controller; its law has the memory of the samples before.
         plant: The plant.
-        course: The course of these samples.
+        timeline: The course of these samples.
         state: State before them, of :func:`begin` or :func:`end`.
         period: Time between samples [s].
         first: Index of the first of them.
@@ -131,15 +131,15 @@ def run_part(
         FunctionValue(step, plant.setup, state.plant, state.plant.torque, period),
         control.setup,
         plant.setup,
-        course.reference,
-        course.heard,
-        course.dt,
+        timeline.reference,
+        timeline.reception,
+        timeline.dt,
     )
     parts: list[ClosedLoopRun] = []
-    for row, stop in itertools.pairwise([*course.cuts, len(course.dt)]):
-        course.befall(row, control, state.plant.torque, state.cause)
+    for row, stop in itertools.pairwise([*timeline.cuts, len(timeline.dt)]):
+        timeline.apply_events(row, control, state.plant.torque, state.cause)
         fault = control.setup.memory.state.fault
-        if refused is not None and row in course.clears and fault != faults.NONE:
+        if refused is not None and row in timeline.clears and fault != faults.NONE:
             refused.append((row, state.cause or fault))
         part: ClosedLoopRun = loop(state, complete, period, first, row, stop)
         parts.append(part)
@@ -147,7 +147,7 @@ def run_part(
         if part.steps < stop - row:
             break
     record = parts[0] if len(parts) == 1 else _concatenated(parts)
-    record.active_limits[course.overdue[: len(record.active_limits)]] |= REFERENCE
+    record.active_limits[timeline.overdue[: len(record.active_limits)]] |= REFERENCE
     return record
 
 
@@ -171,7 +171,7 @@ def compiled_loop(
     control: Any,
     plant: PlantSetup,
     reference: Reference,
-    heard: Heard,
+    reception: Reception,
     since: Array,
     initial: LoopState,
     complete: bool,
@@ -182,8 +182,8 @@ def compiled_loop(
 ) -> ClosedLoopRun:
     """The loop of :func:`run_part` over some rows, with its kernels as FunctionValue.
 
-    Row 0 of reference, `heard` and `since` is the sample `origin`; `since`: time since the state
-    that was answered before [s].
+    Row 0 of reference, `reception` and `since` is the sample `origin`; `since`: time since the
+    state that was answered before [s].
     """
     state, waiting, torque, cause = initial
     row = state.torque
@@ -210,9 +210,9 @@ def compiled_loop(
         answered, late, dt, is_published = True, 0, period, True
         if plant.hazards.on:
             is_published, answered, late = (
-                heard.told[place],
-                heard.answered[place],
-                heard.late[place],
+                reception.published[place],
+                reception.answered[place],
+                reception.late[place],
             )
             dt = since[place]
         seen = observe(plant, state, sample, period, is_published)

@@ -15,29 +15,29 @@ from parallel_robot_model.configuration.hazards import KINDS, Hazard
 # What the motors do while no command comes: hold the last one, then take their safe action.
 
 
-class Waiting(NamedTuple):
+class CommandTimeout(NamedTuple):
     """What the motors know of the commands."""
 
-    silent: int  # samples since the last command
+    missed: int  # samples since the last command
     held: Array  # joint angles when the safe action began [rad], shape (n,)
     command: Array  # the last command [N m], shape (n,)
 
 
-def not_waiting(joints: int) -> Waiting:
+def no_command_timeout(joints: int) -> CommandTimeout:
     """Before the first command; `joints` is n."""
     zero = vector(np.zeros(joints))
-    return Waiting(0, zero, zero)
+    return CommandTimeout(0, zero, zero)
 
 
 @internal
-def waited(
+def hold_or_time_out(
     setup: Any,
-    before: Waiting,
+    before: CommandTimeout,
     arrived: bool,
     command: Array,
     position: Array,
     velocity: Array,
-) -> tuple[Array, Waiting]:
+) -> tuple[Array, CommandTimeout]:
     """What the motors are asked for over one period [N m], shape (n,).
 
     Args:
@@ -49,12 +49,12 @@ def waited(
         velocity: Their rates [rad/s], shape (n,).
     """
     if arrived:
-        return command, Waiting(0, before.held, command)
-    silent = before.silent + 1
-    held = select(silent == setup.timeout_samples, position, before.held)
+        return command, CommandTimeout(0, before.held, command)
+    missed = before.missed + 1
+    held = select(missed == setup.timeout_samples, position, before.held)
     safe = safe_torque(setup.safety, held, position, velocity)
-    asked = select(silent >= setup.timeout_samples, safe, command)
-    return asked, Waiting(silent, held, command)
+    asked = select(missed >= setup.timeout_samples, safe, command)
+    return asked, CommandTimeout(missed, held, command)
 
 
 (
@@ -162,7 +162,7 @@ def _keep(hazards: Any, place: int, position: Array, velocity: Array, effort: Ar
 
 @internal
 def commanded(
-    hazards: Any, sample: int, arrived: bool, command: Array, before: Waiting
+    hazards: Any, sample: int, arrived: bool, command: Array, before: CommandTimeout
 ) -> tuple[bool, Array]:
     """Whether a command comes to the motors for a period, and which is the newest [N m].
 

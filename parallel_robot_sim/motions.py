@@ -25,11 +25,11 @@ from parallel_robot_model.robots import poses as forward
 from parallel_robot_model.robots.contract import PLACE
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_sim.configuration import Configuration
-from parallel_robot_sim.course import Course
 from parallel_robot_sim.ideal_torque import torque_of
 from parallel_robot_sim.imperfections import JOINT
 from parallel_robot_sim.plant_core import ReportedEffort
 from parallel_robot_sim.simulation import Simulation
+from parallel_robot_sim.timeline import Timeline
 from trajectory_gen.trajectory import Reference
 
 # Parameters by which the measured joints differ from the true ones, see docs/noise.md.
@@ -259,8 +259,8 @@ class MeasuredMotion:
 
     def of(self, part: Simulation) -> Motion:
         """The motion of the next part."""
-        run, late = part.run, part.course.heard.late
-        rows, time, reference = self.reference(part.course, part.reference, part.first)
+        run, late = part.run, part.timeline.reception.late
+        rows, time, reference = self.reference(part.timeline, part.reference, part.first)
         return Motion(
             time,
             corrected(self._values, run.position[rows]),
@@ -270,12 +270,12 @@ class MeasuredMotion:
         )
 
     def reference(
-        self, course: Course, desired: Reference, first: int
+        self, timeline: Timeline, desired: Reference, first: int
     ) -> tuple[NDArray[np.int64], Array, Array]:
         """What the states of the next part are to be.
 
         Args:
-            course: The course of the part.
+            timeline: The course of the part.
             desired: Its desired motion.
             first: Sample of its first row.
 
@@ -289,9 +289,9 @@ class MeasuredMotion:
         begin = first + len(desired.position) - len(motion.position)  # sample of its first row
         self._before = JointReference(*(each[max(len(each) - late, 0) :] for each in motion))
         last = first + len(desired.position) - 1
-        heard = course.heard
-        rows = np.flatnonzero(heard.told & (heard.refused != INVALID))
-        measured = first + rows - heard.late[rows]
+        reception = timeline.reception
+        rows = np.flatnonzero(reception.published & (reception.refused != INVALID))
+        measured = first + rows - reception.late[rows]
         valid = (measured >= 0) & (measured <= last + self._oldest)
         rows, measured = rows[valid], measured[valid]
         back = tick * (np.maximum.accumulate(measured) - measured)

@@ -12,7 +12,14 @@ from parallel_robot_model.compiler import clip, inline_ir, internal, kernel
 from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.drive_step import flexed, record_braked, rotors
-from parallel_robot_sim.hazards import Waiting, braked, commanded, limited, told, waited
+from parallel_robot_sim.hazards import (
+    CommandTimeout,
+    braked,
+    commanded,
+    hold_or_time_out,
+    limited,
+    told,
+)
 from parallel_robot_sim.noise_and_delay import sample_at
 from parallel_robot_sim.sensors_actuators import (
     cogging,
@@ -180,11 +187,11 @@ def observe(
 def demanded(
     setup: PlantSetup,
     state: PlantState,
-    waiting: Waiting,
+    waiting: CommandTimeout,
     command: Array,
     arrived: bool,
     sample: int,
-) -> tuple[Array, Waiting]:
+) -> tuple[Array, CommandTimeout]:
     """Torque demanded of the motors over the period after a sample [N m], shape (n,).
 
     Args:
@@ -196,11 +203,11 @@ def demanded(
         sample: Index of the sample.
     """
     if arrived and not setup.hazards.on:
-        return command, Waiting(0, waiting.held, waiting.command)
+        return command, CommandTimeout(0, waiting.held, waiting.command)
     joints = setup.measure(setup.robot, state.coordinates, state.rate)
     if setup.hazards.on:
         arrived, command = commanded(setup.hazards, sample, arrived, command, waiting)
-    return waited(setup, waiting, arrived, command, joints.position, joints.velocity)
+    return hold_or_time_out(setup, waiting, arrived, command, joints.position, joints.velocity)
 
 
 @kernel

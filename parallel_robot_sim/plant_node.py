@@ -244,7 +244,7 @@ class PlantNode(SuiteNode):
             self._time.publish(self._time_message.encode(stamp))
         self._published_at = time.monotonic_ns()
         self._advanced_at = self._advanced_at if repeat else self._published_at
-        if self.run.simulator.heard.told:
+        if self.run.simulator.reception.published:
             self._states.publish(self.run.message)
             self._published += 1
         index = stamp // self.period_ns
@@ -258,7 +258,7 @@ class PlantNode(SuiteNode):
 
     def _shows_pose(self) -> bool:
         """Whether a pose is to be published, where that is due."""
-        return self.run.simulator.robot.place > 0 and bool(self.run.simulator.heard.shown)
+        return self.run.simulator.robot.place > 0 and bool(self.run.simulator.reception.shown)
 
     def _on_time_out(self) -> None:
         self.counts['command time-outs'] += 1

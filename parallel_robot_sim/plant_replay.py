@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, read_row, write_row
 from parallel_robot_model.configuration.fields import neutral
-from parallel_robot_model.configuration.hazard_table import Heard
+from parallel_robot_model.configuration.hazard_table import Reception
 from parallel_robot_sim.configuration import Configuration, assemble_plant
-from parallel_robot_sim.hazards import Waiting, not_waiting
+from parallel_robot_sim.hazards import CommandTimeout, no_command_timeout
 from parallel_robot_sim.plant import (
     PlantSetup,
     PlantState,
@@ -31,7 +31,7 @@ class Replay(NamedTuple):
     measured: Array  # the same as measured [rad], shape (N, n)
     # torque of the motors during the step that ended at the sample [N m], shape (N, n)
     effort: Array
-    heard: Heard  # which states were published and answered
+    reception: Reception  # which states were published and answered
 
 
 def under_commands(
@@ -52,15 +52,15 @@ def under_commands(
         InputError: the plant cannot be put together.
     """
     plant, period = assemble_plant(configuration), configuration.loop.period
-    heard = plant.hazards.heard(np.arange(len(reference.position)))
-    rows = np.flatnonzero(heard.answered)
+    reception = plant.hazards.reception(np.arange(len(reference.position)))
+    rows = np.flatnonzero(reception.answered)
     if not len(rows) - 1 <= len(commands) <= len(rows):  # that to the last state may be missing
         return None
     torque = np.zeros_like(reference.position)
     since = np.searchsorted(rows, np.arange(len(torque)), side='right')
     torque[since > 0] = commands[np.minimum(since[since > 0], len(commands)) - 1]
-    joints, seen, effort, _ = _run_under(plant.setup, plant.state, heard, torque, period)
-    return Replay(joints, seen, effort, heard)
+    joints, seen, effort, _ = _run_under(plant.setup, plant.state, reception, torque, period)
+    return Replay(joints, seen, effort, reception)
 
 
 class UnderCommands:
@@ -82,9 +82,12 @@ class UnderCommands:
             Joints at the samples, and as states tell them [rad], each shape (N, n); fewer where
             they stop to be finite. The torque of the motors there [N m], likewise.
         """
-        plant, heard = self._plant.setup, self._plant.hazards.heard(np.arange(len(commands)))
+        plant, reception = (
+            self._plant.setup,
+            self._plant.hazards.reception(np.arange(len(commands))),
+        )
         joints, seen, effort, self._state = _run_under(
-            plant, self._state, heard, commands, self._period
+            plant, self._state, reception, commands, self._period
         )
         return joints, seen, effort
 
@@ -108,19 +111,19 @@ def under_torques(configuration: Configuration, effort: Array, reference: Refere
         )
     )
     period = configuration.loop.period
-    heard = plant.hazards.heard(np.arange(len(reference.position)))
+    reception = plant.hazards.reception(np.arange(len(reference.position)))
     torque = np.vstack([effort[1:], effort[-1:]])
-    joints, seen, effort, _ = _run_under(plant.setup, plant.state, heard, torque, period)
-    return Replay(joints, seen, effort, heard)
+    joints, seen, effort, _ = _run_under(plant.setup, plant.state, reception, torque, period)
+    return Replay(joints, seen, effort, reception)
 
 
 def _run_under(
-    setup: PlantSetup, state: PlantState, heard: Heard, torque: Array, period: float
+    setup: PlantSetup, state: PlantState, reception: Reception, torque: Array, period: float
 ) -> tuple[Array, Array, Array, PlantState]:
-    waiting = not_waiting(torque.shape[1])
+    waiting = no_command_timeout(torque.shape[1])
     value = FunctionValue(step, setup, state, state.torque, period)
     states: tuple[Array, Array, Array, PlantState] = _loop(
-        value, setup, state, heard.told, heard.answered, waiting, torque, period
+        value, setup, state, reception.published, reception.answered, waiting, torque, period
     )
     return states
 
@@ -132,7 +135,7 @@ def _loop(
     state: PlantState,
     is_published: NDArray[np.bool_],
     answered: NDArray[np.bool_],
-    waiting: Waiting,
+    waiting: CommandTimeout,
     torque: Array,
     period: float,
 ) -> tuple[Array, Array, Array, PlantState]:

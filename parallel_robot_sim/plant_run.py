@@ -15,12 +15,12 @@ from parallel_robot_control.messages import message_layout
 from parallel_robot_model.common.errors import DRIVEN_OUT, RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.compiler import Struct, entry_point, need_compiler
-from parallel_robot_model.configuration.hazard_table import Heard
+from parallel_robot_model.configuration.hazard_table import Reception
 from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.configuration import Configuration, assemble_plant
-from parallel_robot_sim.hazards import not_waiting
+from parallel_robot_sim.hazards import no_command_timeout
 from parallel_robot_sim.plant import PlantState
 from parallel_robot_sim.plant_core import (
     PlantCore,
@@ -51,7 +51,7 @@ class Simulator:
         self._period = loop.period
         self._timeout_samples = self._setup.timeout_samples
         n = len(loop.joints)
-        self._state, self._waiting = Struct(start), Struct(not_waiting(n))
+        self._state, self._waiting = Struct(start), Struct(no_command_timeout(n))
         measure = robot.module.measure
         self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
         passive = (
@@ -105,9 +105,9 @@ class Simulator:
         return round(self._state.time / self._period)
 
     @property
-    def heard(self) -> Heard:
+    def reception(self) -> Reception:
         """What hazards leave of the present state."""
-        return self._hazards.heard(self.sample)
+        return self._hazards.reception(self.sample)
 
     def advance(self, command: np.ndarray, arrived: bool = True) -> bool:
         """Advance by one period.
@@ -126,7 +126,7 @@ class Simulator:
             raise RunError(
                 f'{DRIVEN_OUT} at pose {np.round(self.pose, 4).tolist()} ({self._units})'
             )
-        return bool(self._waiting.silent == self._timeout_samples)
+        return bool(self._waiting.missed == self._timeout_samples)
 
     def _step(self, command: np.ndarray, arrived: bool) -> bool:
         """Advance the state; False, with the state unchanged, if the robot was driven out."""
@@ -145,7 +145,7 @@ class Simulator:
         Raises:
             RunError: the robot was driven out of its workspace.
         """
-        stamp -= int(self.heard.late) * round(self._period * NANOSECONDS)
+        stamp -= int(self.reception.late) * round(self._period * NANOSECONDS)
         if not self._write_state(self._core, stamp):
             raise RunError(DRIVEN_OUT)
         return self._message.tobytes()
@@ -285,7 +285,7 @@ class PlantRun:
 
     def step_unanswered(self) -> bool:
         """Step on from a state that hazards leave without an answer (lockstep)."""
-        alone = self._lockstep and not self.simulator.heard.answered
+        alone = self._lockstep and not self.simulator.reception.answered
         return alone and self._steps_left != 0 and self._step_on()
 
     def pause(self) -> None:

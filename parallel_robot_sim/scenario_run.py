@@ -257,7 +257,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
         _stamps(made),
         measured.acceleration,
         record.command,
-        np.ascontiguousarray(record.told.sliding_variable),
+        np.ascontiguousarray(record.telemetry.sliding_variable),
         made.experiment.trajectory.robot.place,
         None if fault is None else (fault[0], fault[1].text),
         limits_text(active_limits) if active_limits else '',
@@ -275,7 +275,7 @@ def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
 def _stamps(made: Simulation) -> NDArray[np.int64]:
     """Stamps of the states of a simulation, as its bag has them [ns], shape (N,)."""
     loop, count = made.experiment.loop, len(made.run.position)
-    late = made.course.heard.late
+    late = made.timeline.reception.late
     age = round(made.age * NANOSECONDS)
     return loop.step_start + loop.period_ns * (np.arange(count) - late) - age
 

@@ -29,8 +29,8 @@ from parallel_robot_sim.closed_loop import (
     run_part,
 )
 from parallel_robot_sim.configuration import Configuration, Experiment, assemble
-from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.plant import MUJOCO
+from parallel_robot_sim.timeline import Timeline, timeline_of
 from trajectory_gen.trajectory import Reference
 
 # For how long the motors of a plant gave all they can.
@@ -101,10 +101,10 @@ class Simulation(NamedTuple):
         return age
 
     @property
-    def course(self) -> Course:
+    def timeline(self) -> Timeline:
         """What hazards made of the course of the run."""
         period = self.experiment.loop.period
-        return course_of(self.experiment.plant, self.reference, period, self.first)
+        return timeline_of(self.experiment.plant, self.reference, period, self.first)
 
     @property
     def desired(self) -> JointReference:
@@ -327,14 +327,14 @@ def parts(configuration: Configuration, size: int | None = None) -> Iterator[Sim
     state = initial_state(control, plant)
     first, first_fault = 0, None
     while first < samples:
-        stop = min(samples, max(first + (size or AT_ONCE), plant.hazards.calm))
+        stop = min(samples, max(first + (size or AT_ONCE), plant.hazards.undisturbed_from))
         if known is not None and stop == len(known.pose):
             reference, known = known, None
         else:
             reference = trajectory.sample(np.arange(first, stop) * period)
         begun = time.perf_counter()
         refused: list[tuple[int, int]] = []
-        seen = course_of(plant, reference, period, first)
+        seen = timeline_of(plant, reference, period, first)
         made = run_part(control, plant, seen, state, period, first, refused=refused)
         loop_time = time.perf_counter() - begun
         if not first + made.steps:

@@ -111,7 +111,7 @@ def test_recorded_commands_move_mujoco_alike(robot):
 def test_the_coupled_error_is_the_error_and_the_integral_of_the_coupling(circle):
     error = circle.reference.position - circle.out.position
     summed = 1e-3 * (np.cumsum(error @ ring(3), axis=0) - error @ ring(3))
-    assert np.abs(circle.out.told.coupled_error - (error + 0.9 * summed)).max() < 1e-12
+    assert np.abs(circle.out.telemetry.coupled_error - (error + 0.9 * summed)).max() < 1e-12
 
 
 def test_the_same_run_gives_the_same_bits(circle):

@@ -57,7 +57,7 @@ def in_lockstep(values):
     there = True
     while there:
         there = False
-        if plant.simulator.heard.told:
+        if plant.simulator.reception.published:
             states.append(plant.message)
             if controller.answer(plant.message) > 0:
                 commands.append(controller.command)

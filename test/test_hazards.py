@@ -50,7 +50,9 @@ def test_texts_and_mappings_are_one_form(text):
 def test_a_share_of_the_states_is_dropped_at_random_by_the_seed():
     given = {'hazards': ['states_dropped share 0.1 at 0.5 for 20.0']}
     loops = (loop_of(resolve('paper_circle', {**given, 'seed': seed})) for seed in (1, 1, 2))
-    one, again, other = (HazardTable(loop, 0.04).heard(np.arange(20_500)).told for loop in loops)
+    one, again, other = (
+        HazardTable(loop, 0.04).reception(np.arange(20_500)).published for loop in loops
+    )
     assert (one == again).all() and one[:500].all()
     for told in (one, other):
         assert abs(np.mean(~told[500:]) - 0.1) < 3.0 * np.sqrt(0.1 * 0.9 / 20_000)

@@ -58,7 +58,7 @@ def numbers():
     pose = setup.memory.state.pose
     loop = run(made.control, made.plant, reference, 1e-3)
     values = [law.torque, law.sliding_variable, cycle.torque, pose, loop.pose]
-    return [*values, loop.command, loop.telemetry, loop.fault]
+    return [*values, loop.command, loop.telemetry_rows, loop.fault]
 
 
 def save(path):

@@ -104,7 +104,10 @@ def test_until_it_has_ended_the_default_is_used_and_afterwards_what_was_found():
         return made, np.sqrt((error**2).sum(axis=1).mean())
 
     identified, error = steady('identify')
-    wanted, rates = identified.reference, identified.run.told.error_rate + identified.run.velocity
+    wanted, rates = (
+        identified.reference,
+        identified.run.telemetry.error_rate + identified.run.velocity,
+    )
     delays = np.median((wanted.velocity - rates) / wanted.acceleration, axis=1)[[1, 2599, 2600]]
     assert delays == pytest.approx([2 * T, 2 * T, 4 * T], abs=0.25 * T)
     assert delays[:2] == pytest.approx(2 * T, rel=1e-6)

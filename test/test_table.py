@@ -49,7 +49,7 @@ def test_the_platform_and_what_the_law_says_of_itself(joints, tmp_path):
     ring = np.stack([error[:, k] - error[:, (k + 1) % 3] for k in range(3)], axis=1)
     assert np.array_equal(by_joint(columns, joints, 'synchronisation_error_rad'), ring)
     sliding = by_joint(columns, joints, 'sliding_variable')
-    assert np.array_equal(sliding[::SLOW], run.told.sliding_variable[::SLOW])
+    assert np.array_equal(sliding[::SLOW], run.telemetry.sliding_variable[::SLOW])
     assert np.isnan(np.delete(sliding, np.s_[::SLOW], axis=0)).all()
 
 

@@ -339,8 +339,8 @@ def _again(log: RunLog, past: History) -> Motion | None:
 
 def _told(log: RunLog, again: plant_replay.Replay, measured: NDArray[np.int64]) -> bool:
     """Whether a plant told what a bag says, but for few states; `measured`: their samples."""
-    rows = np.flatnonzero(again.heard.told[: len(again.measured)])
-    samples = rows - again.heard.late[rows]
+    rows = np.flatnonzero(again.reception.published[: len(again.measured)])
+    samples = rows - again.reception.late[rows]
     kept = np.isin(samples, measured)  # states that are not valid are not read
     rows, samples = rows[kept], samples[kept]
     if (np.diff(measured) >= 0).all():  # they were put in order

@@ -22,10 +22,10 @@ from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import NANOSECONDS
-from parallel_robot_sim.course import Course, course_of
 from parallel_robot_sim.ideal_torque import IdealTorque
 from parallel_robot_sim.motions import MeasuredMotion, SimulatedMotions
 from parallel_robot_sim.simulation import Simulation
+from parallel_robot_sim.timeline import Timeline, timeline_of
 from trajectory_gen.trajectory import Reference
 
 
@@ -213,23 +213,23 @@ def _plan(part: Simulation, told: MeasuredMotion | None) -> Plan:
         whole.add(_times(first, len(reference.position), period), reference.position)
     end = math.inf if whole.rest is None else whole.rest
     true, seen = ReferenceMoves(end), ReferenceMoves(end)
-    for first, reference, course in _planned(part):
+    for first, reference, timeline in _planned(part):
         time, wanted = _times(first, len(reference.position), period), reference.position
         true.add(time, wanted)
         if told is not None:
-            _, time, wanted = told.reference(course, reference, first)
+            _, time, wanted = told.reference(timeline, reference, first)
         seen.add(time, wanted)
     return Plan(end, *(all_of_it(moves.rows, moves.first) for moves in (true, seen)))
 
 
-def _planned(part: Simulation) -> Iterator[tuple[int, Reference, Course]]:
+def _planned(part: Simulation) -> Iterator[tuple[int, Reference, Timeline]]:
     """First sample, desired motion and course of all parts of a run, from the first part."""
     loop, size = part.experiment.loop, len(part.reference.position)
-    yield 0, part.reference, part.course
+    yield 0, part.reference, part.timeline
     for first in range(size, (loop.last_index or 0) + 1, size):
         stop = min(first + size, (loop.last_index or 0) + 1)
         reference = part.experiment.trajectory.sample(np.arange(first, stop) * loop.period)
-        yield first, reference, course_of(part.experiment.plant, reference, loop.period, first)
+        yield first, reference, timeline_of(part.experiment.plant, reference, loop.period, first)
 
 
 def _times(first: int, count: int, period_ns: int) -> np.ndarray:

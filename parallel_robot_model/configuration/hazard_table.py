@@ -19,7 +19,7 @@ from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import LoopParameters
 
 LATE = {'states_late': 1, 'states_ahead': -1}  # sign of how late states are
-UNTOLD = {'states_lost', 'controller_paused', 'controller_restarted', 'plant_paused'}
+UNPUBLISHED = {'states_lost', 'controller_paused', 'controller_restarted', 'plant_paused'}
 EARLY = 1e-6  # of a period, by which a time may be missed by rounding
 AROUND = 2  # samples without a hazard, after which none is looked back at
 REFUSED = 0.1  # s, for which all states are refused before that is a fault
@@ -28,10 +28,10 @@ REASONS = ('', 'states_invalid', 'states_late', 'states_ahead')
 INVALID = REASONS.index('states_invalid')
 
 
-class Heard(NamedTuple):
+class Reception(NamedTuple):
     """What is heard of samples, one row for each, shape (N,); of one sample, numbers."""
 
-    told: NDArray[np.bool_]  # whether there is a message of the state
+    published: NDArray[np.bool_]  # whether there is a message of the state
     answered: NDArray[np.bool_]  # whether a controller answers it
     shown: NDArray[np.bool_]  # whether the pose is told
     late: NDArray[np.int64]  # samples since that which is told; negative if its stamp is ahead
@@ -57,7 +57,7 @@ class HazardTable:
         self.on = bool(times)  # whether there are any
         # first sample from which on nothing differs from a loop without hazards
         ends = [end for _, _, end in times] + [end + abs(shift) for _, end, shift in late]
-        self.calm = max(ends, default=-AROUND) + AROUND
+        self.undisturbed_from = max(ends, default=-AROUND) + AROUND
         # samples from which on the next state comes after a call of ``~/clear_fault``
         self.clears = sorted(begin for each, begin, _ in times if each.what == 'clear_fault')
         # samples from which on the next state is the first that a new controller hears
@@ -84,30 +84,30 @@ class HazardTable:
         refused = np.where(shift > 0, *map(REASONS.index, LATE))
         refused[np.abs(shift) <= state_age / period + EARLY] = 0
         refused[during('velocity_nan')] = INVALID
-        told, lost = ~(waits | during(*UNTOLD)), during('references_lost')
+        told, lost = ~(waits | during(*UNPUBLISHED)), during('references_lost')
         before = np.maximum.accumulate(np.where(np.diff(lost, prepend=False) & lost, first, 0)) - 1
         newest = np.where(lost, before, sys.maxsize)
         shown = ~during('plant_paused')
-        self._stretches = Heard(told, told & (refused == 0), shown, shift, newest, refused)
+        self._stretches = Reception(told, told & (refused == 0), shown, shift, newest, refused)
         # samples at which all states have been refused for too long, and the number of why
         self.lost = dict(self._losses(round(REFUSED / period)))
 
-    def heard(self, samples: Any) -> Heard:
+    def reception(self, samples: Any) -> Reception:
         """What is heard of samples, shape (N,), or of one."""
         least = samples if isinstance(samples, int) else np.min(samples, initial=sys.maxsize)
-        if least >= self.calm:
-            all_, none = samples >= self.calm, 0 * samples
-            return Heard(all_, all_, all_, none, samples, none)
+        if least >= self.undisturbed_from:
+            all_, none = samples >= self.undisturbed_from, 0 * samples
+            return Reception(all_, all_, all_, none, samples, none)
         samples = np.asarray(samples)
         rows = np.searchsorted(self._edges, samples, side='right') - 1
-        found = Heard(*(column[rows] for column in self._stretches))
+        found = Reception(*(column[rows] for column in self._stretches))
         sent = np.ones(samples.shape, bool)
         for begin, end, share, draws in self._dropped:
             drawn = (begin <= samples) & (samples < end)
             some = [_drawn(f'{draws}{k}') >= share for k in samples[drawn].tolist()]
             sent[drawn] &= np.array(some, bool)
         return found._replace(
-            told=found.told & sent,
+            published=found.published & sent,
             answered=found.answered & sent,
             newest=np.maximum(np.minimum(found.newest, samples), 0),
         )
@@ -115,13 +115,13 @@ class HazardTable:
     def sample_of(self, index: int, before: int) -> int:
         """Sample at which the state that was measured at `index` is told, after another one."""
         near = index + self._shifts
-        known = near[(near > before) & (near - self.heard(near).late == index)]
+        known = near[(near > before) & (near - self.reception(near).late == index)]
         return min(known.tolist(), default=index)
 
     def last_told(self, last: int) -> int:
         """Sample that the last state message tells, up to a sample; 0 if there is none."""
-        told = next((k for k in range(last, 0, -1) if self.heard(k).told), 0)
-        return told - int(self.heard(told).late)
+        told = next((k for k in range(last, 0, -1) if self.reception(k).published), 0)
+        return told - int(self.reception(told).late)
 
     def due(self, count: int, every: int) -> NDArray[np.int64]:
         """Samples at which what is told every few states is due: the first one of each interval.
@@ -130,9 +130,9 @@ class HazardTable:
             count: Number of samples.
             every: Samples from one interval to the next.
         """
-        heard = self.heard(np.arange(count))
-        samples = np.flatnonzero(heard.answered)
-        index = samples - heard.late[samples]
+        reception = self.reception(np.arange(count))
+        samples = np.flatnonzero(reception.answered)
+        index = samples - reception.late[samples]
         interval = index // every
         # a new controller knows of no interval before
         renewed = np.diff(np.searchsorted(self.renewals, index, side='right'), prepend=0) > 0
@@ -142,7 +142,9 @@ class HazardTable:
     def _losses(self, patience: int) -> Iterator[tuple[int, int]]:
         """When all states have been refused for too long, and why, once for each reason."""
         reason, since = 0, 0  # of the last states
-        of_stretches = zip(self._stretches.told, self._stretches.refused.tolist(), strict=True)
+        of_stretches = zip(
+            self._stretches.published, self._stretches.refused.tolist(), strict=True
+        )
         for (begin, end), (told, refused) in zip(
             itertools.pairwise(self._edges.tolist()), of_stretches, strict=False
         ):
@@ -159,7 +161,7 @@ class HazardTable:
 
     def _first_sent(self, begin: int, end: int) -> int | None:
         """First sample of a stretch whose state is not dropped."""
-        return next((k for k in range(begin, end) if self.heard(k).told), None)
+        return next((k for k in range(begin, end) if self.reception(k).published), None)
 
 
 def _drawn(text: str) -> float:

@@ -141,7 +141,7 @@ class Recorder:
         self._lockstep = loop.lockstep
         self._table = HazardTable(loop, float(values.get('safety.state_age', math.inf)))
         # samples whose states are answered
-        self._answered = (k for k in itertools.count() if self._table.heard(k).answered)
+        self._answered = (k for k in itertools.count() if self._table.reception(k).answered)
         self._expected: dict[Topic, int] = {}  # messages of the whole motion
         self._suite = suite
         self._streams = {
@@ -318,13 +318,17 @@ class Recorder:
         every, table = topic.every, self._table
         if not every:
             return 1
-        calm = min(samples, -(-table.calm // every) * every)
+        calm = min(samples, -(-table.undisturbed_from // every) * every)
         rest = (samples - 1) // every - (calm - 1) // every
         if topic in (*TELEMETRY, ANSWERED):
             return len(table.due(calm, every)) + rest
-        heard = table.heard(np.arange(0, calm, every))
-        left = {JOINT_STATES: heard.told, COMMANDS: heard.answered, POSE: heard.shown}
-        return int(left.get(topic, np.ones_like(heard.told)).sum()) + rest
+        reception = table.reception(np.arange(0, calm, every))
+        left = {
+            JOINT_STATES: reception.published,
+            COMMANDS: reception.answered,
+            POSE: reception.shown,
+        }
+        return int(left.get(topic, np.ones_like(reception.published)).sum()) + rest
 
     def complete(self) -> bool:
         """Whether the motion is over and all its messages arrived, or will not come any more."""

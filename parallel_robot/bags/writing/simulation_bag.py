@@ -27,9 +27,9 @@ from parallel_robot_control.safety import faults
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_sim.course import Course
 from parallel_robot_sim.plant_core import ReportedEffort, state_layout, state_messages
 from parallel_robot_sim.simulation import Simulation
+from parallel_robot_sim.timeline import Timeline
 from trajectory_gen.messages import pose_messages, reference_messages
 
 AT_ONCE = 20_000  # samples whose messages are put together at once
@@ -116,18 +116,18 @@ class _Streams:
         experiment, reference, run = part.experiment, part.reference, part.run
         loop, robot = experiment.loop, experiment.trajectory.robot
         count = run.steps
-        course, samples = part.course, np.arange(count)
-        heard = course.heard
+        timeline, samples = part.timeline, np.arange(count)
+        reception = timeline.reception
         begin = loop.step_start + part.first * loop.period_ns
         stamps = begin + samples * loop.period_ns
-        acts = stamps - heard.late * loop.period_ns  # as the controller knows it
+        acts = stamps - reception.late * loop.period_ns  # as the controller knows it
         measured = acts - round(part.age * NANOSECONDS)
         slow = due = samples[-part.first % topics.SLOW :: topics.SLOW]
         if not part.first:
             due = experiment.plant.hazards.due(count, topics.SLOW)
         if self._effort is None:
             self._effort = ReportedEffort(round(part.age / loop.period))
-        told = self._effort.of(run.effort[:count])[samples - np.maximum(heard.late, 0)]
+        told = self._effort.of(run.effort[:count])[samples - np.maximum(reception.late, 0)]
         passive = run.passive_position.shape[1] if self._passive else 0
         layout = state_layout(loop.joints, passive)
         states = state_messages(layout, measured, run, told)
@@ -135,29 +135,35 @@ class _Streams:
             count, data=run.command[:count]
         )
         records = {
-            topics.JOINT_STATES: (samples[heard.told], _bytes_of(states)[heard.told]),
+            topics.JOINT_STATES: (
+                samples[reception.published],
+                _bytes_of(states)[reception.published],
+            ),
             topics.REFERENCE: (
                 samples,
                 _bytes_of(reference_messages(loop.joints, stamps, reference)),
             ),
-            topics.COMMANDS: (samples[heard.answered], _bytes_of(commands)[heard.answered]),
+            topics.COMMANDS: (
+                samples[reception.answered],
+                _bytes_of(commands)[reception.answered],
+            ),
         }
-        telemetry = topics.Telemetry(*(each[due] for each in run.told))
+        telemetry = topics.Telemetry(*(each[due] for each in run.telemetry))
         for topic, messages in telemetry_messages(loop.joints, measured[due], telemetry).items():
             records[topic] = due, _bytes_of(messages)
         if robot.place:
-            shown = slow[heard.shown[slow]]
+            shown = slow[reception.shown[slow]]
             poses = pose_messages(robot, stamps[shown], run.pose[shown])
             records[topics.POSE] = shown, _bytes_of(poses)
             poses = pose_messages(robot, stamps[slow], reference.pose[slow])
             records[topics.POSE_REFERENCE] = slow, _bytes_of(poses)
-        known = begin + heard.newest * loop.period_ns
-        answered = np.flatnonzero(heard.answered)
-        asked = [measured[answered], known[answered - heard.late[answered]], acts[answered]]
+        known = begin + reception.newest * loop.period_ns
+        answered = np.flatnonzero(reception.answered)
+        asked = [measured[answered], known[answered - reception.late[answered]], acts[answered]]
         answers = np.hstack([np.stack(asked, axis=1), run.command[answered].view(np.int64)])
         logged = np.union1d(due, [count - 1] if last else due)
         return [
-            self._statuses(part, course, measured, acts),
+            self._statuses(part, timeline, measured, acts),
             self._answered(logged, stamps, answered, answers),
             *(
                 Rows(topic.name, RANKS * rows + rank, stamps[rows], messages)
@@ -166,19 +172,19 @@ class _Streams:
         ]
 
     def _statuses(
-        self, part: Simulation, course: Course, measured: np.ndarray, acts: np.ndarray
+        self, part: Simulation, timeline: Timeline, measured: np.ndarray, acts: np.ndarray
     ) -> Rows:
         """Where the status changes."""
         experiment, count = part.experiment, part.run.steps
-        answered = course.heard.answered
+        answered = timeline.reception.answered
         limits = reported_limits(
-            part.run.active_limits[:count], measured, answered, course.renewals, self._limits
+            part.run.active_limits[:count], measured, answered, timeline.renewals, self._limits
         )
         last = np.maximum.accumulate(np.where(answered, np.arange(count), -1))
         acted = np.where(last < 0, self._limits[0], limits[last])
         since = np.where(last < 0, self._acts or acts[0], acts[last])
         told = answered.copy()
-        told[[*course.lost]] = True
+        told[[*timeline.lost]] = True
         rows = np.flatnonzero(told)
         phases = part.phases
         kinds = np.stack([part.run.fault[rows], acted[rows], phases[rows]], axis=1)

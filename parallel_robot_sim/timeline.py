@@ -14,15 +14,15 @@ from parallel_robot_control.controller_state import clear, drop_torque, join, re
 from parallel_robot_control.reference_buffer import extrapolate_rows
 from parallel_robot_control.safety import faults, limiting
 from parallel_robot_model.common.units import NANOSECONDS, Array
-from parallel_robot_model.configuration.hazard_table import REASONS, Heard
+from parallel_robot_model.configuration.hazard_table import REASONS, Reception
 from parallel_robot_sim.configuration import Plant
 from trajectory_gen.trajectory import Reference
 
 
-class Course(NamedTuple):
+class Timeline(NamedTuple):
     """The course of a run, or of a part of one."""
 
-    heard: Heard  # which states come to the controller, and which references it knows
+    reception: Reception  # which states come to the controller, and which references it knows
     # time from the measurement of the state answered before to that of this one [s], shape
     # (N,)
     dt: Array
@@ -42,7 +42,7 @@ class Course(NamedTuple):
     @property
     def returns(self) -> list[int]:
         """Samples at which references are there again."""
-        rows = np.flatnonzero(self.heard.answered)
+        rows = np.flatnonzero(self.reception.answered)
         returns: list[int] = rows[1:][np.diff(self.overdue[rows].astype(int)) < 0].tolist()
         return returns
 
@@ -50,12 +50,12 @@ class Course(NamedTuple):
     def cuts(self) -> list[int]:
         """Samples at which something happens to the controller before it answers."""
         rows_of_events = {0, *self.late, *self.lost, *self.clears, *self.renewals, *self.returns}
-        rows = np.flatnonzero(self.heard.answered)
+        rows = np.flatnonzero(self.reception.answered)
         begun = np.diff(self.stale[rows], prepend=False) & self.stale[rows]
-        count = len(self.heard.answered)
+        count = len(self.reception.answered)
         return sorted(k for k in {*rows_of_events, *rows[begun].tolist()} if not k or k < count)
 
-    def befall(self, sample: int, control: Control, effort: Array, cause: int) -> None:
+    def apply_events(self, sample: int, control: Control, effort: Array, cause: int) -> None:
         """Let happen to the controller what does before it answers the state of a sample.
 
         Args:
@@ -69,8 +69,8 @@ class Course(NamedTuple):
             cycle.value, cause = control.state, faults.NONE
             join(cycle, effort)
             control.law.reset_memory()
-        before = np.flatnonzero(self.heard.answered[:sample])[-1:]
-        refused = ~self.heard.answered[np.flatnonzero(self.heard.told[:sample])[-1:]]
+        before = np.flatnonzero(self.reception.answered[:sample])[-1:]
+        refused = ~self.reception.answered[np.flatnonzero(self.reception.published[:sample])[-1:]]
         lasts = cause != faults.NONE or self.stale[before].any() or refused.any() or cycle.lost
         if sample in self.clears and cycle.fault != faults.NONE and not lasts:
             clear(cycle)
@@ -87,7 +87,7 @@ class Course(NamedTuple):
             trip(cycle, faults.REFERENCE_STALE)
 
 
-def course_of(plant: Plant, reference: Reference, period: float, first: int = 0) -> Course:
+def timeline_of(plant: Plant, reference: Reference, period: float, first: int = 0) -> Timeline:
     """The course of a run over all samples of a reference.
 
     Args:
@@ -98,35 +98,35 @@ def course_of(plant: Plant, reference: Reference, period: float, first: int = 0)
     """
     count, tick, table = len(reference.position), round(period * NANOSECONDS), plant.hazards
     samples = np.arange(count)
-    heard, dt = table.heard(first + samples), np.full(count, period)
+    reception, dt = table.reception(first + samples), np.full(count, period)
     stale, overdue = np.zeros((2, count), bool)
-    if first >= table.calm:
+    if first >= table.undisturbed_from:
         none: frozenset[int] = frozenset()
-        heard = heard._replace(newest=samples)
-        return Course(heard, dt, reference, stale, overdue, none, {}, none, none)
+        reception = reception._replace(newest=samples)
+        return Timeline(reception, dt, reference, stale, overdue, none, {}, none, none)
     # 1. Times between the states that are answered.
-    rows = np.flatnonzero(heard.answered)
-    measured = (samples - heard.late)[rows]
+    rows = np.flatnonzero(reception.answered)
+    measured = (samples - reception.late)[rows]
     steps = tick * np.diff(measured)
     dt[rows[1:]] = steps / NANOSECONDS
     renewed = {*_first(rows, table.renewals), *rows[:1].tolist()}
     dt[[*renewed]] = period
     gaps = {*rows[1:][steps > round(plant.safety.state_timeout * NANOSECONDS)].tolist()} - renewed
     # 2. References.
-    age = tick * (samples - heard.newest)
+    age = tick * (samples - reception.newest)
     old = age > round(plant.safety.reference_timeout * NANOSECONDS)
     stale[rows] = old[measured]
     overdue[rows] = age[measured] > round(limiting.OVERDUE * NANOSECONDS)
-    clears = _first(np.flatnonzero(heard.told), table.clears)
-    return Course(
-        heard,
+    clears = _first(np.flatnonzero(reception.published), table.clears)
+    return Timeline(
+        reception,
         dt,
-        _known(reference, heard.newest, age, old),
+        _known(reference, reception.newest, age, old),
         stale,
         overdue,
         frozenset(gaps),
         {k: faults.NUMBERS[REASONS[why]] for k, why in table.lost.items() if k < count},
-        frozenset(k for k in clears if heard.answered[k]),
+        frozenset(k for k in clears if reception.answered[k]),
         frozenset(renewed - {0}),
     )
 
