@@ -15,8 +15,8 @@ WARM := import logging, sys; \
   from trajectory_gen.configuration import motions_of; \
   values = resolve('paper_circle'); \
   whole = configure(values);
-WARM_CONTROLLER := Controller(whole.control)
-WARM_OTHERS := Simulator(whole.plant).warm(); motions_of(values).load()
+WARM_CONTROLLER := Controller(whole)
+WARM_OTHERS := Simulator(whole).warm(); motions_of(values).load_kernels()
 OF_TOOLS := from importlib.metadata import requires; from packaging.requirements import Requirement; \
   markers = {line: Requirement(line).marker for line in requires("parallel_robot")}; \
   print(*(line.partition(";")[0] for line, marker in markers.items() \

@@ -14,7 +14,6 @@ from typing import (
     Literal,
     NamedTuple,
     NewType,
-    Self,
     TypeVar,
     Union,
     cast,
@@ -31,6 +30,7 @@ from parallel_robot_model.configuration.plain_data import with_location
 
 Value = bool | int | float | str | list[int] | list[float] | list[str]
 Group = TypeVar('Group')  # a NamedTuple
+Configured = TypeVar('Configured', bound='Groups')
 
 
 # One number for each actuated joint; in files, a single number applies to all of them.
@@ -295,7 +295,7 @@ class Groups:
         for prefix, kind in declared:
             self.at(prefix, kind)
 
-    def with_parts(self, **parts: Any) -> Self:
+    def with_parts(self: Configured, **parts: Any) -> Configured:
         """The same with other parts, by the names of the properties."""
         made = copy.copy(self)
         made.__dict__.update(parts)
