@@ -149,7 +149,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
     """
     common, setup = core.common, core.setup
     timing, state, before = common.timing, setup.memory.state, common.last
-    row, told = setup.safety.torque_limit, (common.active_limits, state.fault, state.lost)
+    row, status_before = setup.safety.torque_limit, (common.active_limits, state.fault, state.lost)
     stamp = parse_stamped(wire, data)
     position = read_row(joint_row(wire, 0), 0, row)
     velocity = read_row(joint_row(wire, 1), 0, row)
@@ -227,7 +227,7 @@ def answer(core: Any, wire: Any, data: bytes, now: int, monotonic: int) -> int:
         code |= TELEMETRY | LOG
     if ended or common.logged == AGES:
         code |= LOG
-    if common.phase != phase or told != (common.active_limits, state.fault, state.lost):
+    if common.phase != phase or status_before != (common.active_limits, state.fault, state.lost):
         code |= STATUS
     common.phase = phase
     return code

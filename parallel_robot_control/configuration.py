@@ -96,6 +96,7 @@ class ControlConfiguration(MotionConfiguration):
                 return checked(self.controller.guess, self.robot)
             if self.values['trajectory.shape'] not in shapes(self.values['custom_trajectories']):
                 return checked(tuple(map(float, self.values[INITIAL])), self.robot)
+            self.check_motion()
             return checked(self.trajectory.first_pose, self.robot)
 
     @cached_property
@@ -109,16 +110,9 @@ class ControlConfiguration(MotionConfiguration):
     @property
     def made_of(self) -> tuple[Any, ...]:
         """What a controller depends on."""
-        own = (self.at(*each) for each in declared_in(ControlConfiguration))
-        return (
-            self.loop,
-            self.robot,
-            self.margins,
-            self.guess,
-            self.repetition_samples,
-            self.gains,
-            *own,
-        )
+        groups = self.controller, self.estimator, self.lock_in, self.approach, self.repetition
+        made = self.robot, self.margins, self.guess, self.repetition_samples, self.gains
+        return self.loop, self.safety, *groups, *made
 
     @property
     def stopped(self) -> bool:

@@ -19,7 +19,7 @@ from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, vect
 from parallel_robot_model.configuration.hazard_table import Reception
 from parallel_robot_model.messages.topics import Telemetry
 from parallel_robot_sim.configuration import Plant
-from parallel_robot_sim.hazards import CommandTimeout, no_command_timeout
+from parallel_robot_sim.hazards import CommandState, no_command_yet
 from parallel_robot_sim.plant import PlantSetup, PlantState, demanded, observe, step
 from parallel_robot_sim.timeline import Timeline, timeline_of
 from trajectory_gen.trajectory import Reference
@@ -41,7 +41,7 @@ class ClosedLoopRun(NamedTuple):
     active_limits: NDArray[np.int64]  # bits of the limits that acted at the state, shape (N,)
     steps: int  # number of rows that were computed; fewer than N if the plant left its workspace
     plant: PlantState  # state of the plant after the last command
-    waiting: CommandTimeout  # what the motors know of the commands after the last row
+    waiting: CommandState  # what the motors know of the commands after the last row
     sent: Array  # the last command [N m], shape (n,)
     cause: int  # fault whose cause was there at the last state, see Cycle
 
@@ -59,7 +59,7 @@ class LoopState(NamedTuple):
     """What one sample hands to the next; attributes as the last ones of a ClosedLoopRun."""
 
     plant: PlantState
-    waiting: CommandTimeout
+    waiting: CommandState
     sent: Array
     cause: int
 
@@ -94,7 +94,7 @@ def initial_state(control: Control, plant: Plant, anew: bool = True) -> LoopStat
     if anew:
         control.law.reset()
     control.setup.memory.state.value = control.state
-    waiting = no_command_timeout(len(control.state.fault_position))
+    waiting = no_command_yet(len(control.state.fault_position))
     return LoopState(plant.state, waiting, waiting.command, faults.NONE)
 
 
@@ -119,7 +119,7 @@ def run_part(
         control: The controller; its law has the memory of the samples before.
         plant: The plant.
         timeline: The course of these samples.
-        state: State before them, of :func:`begin` or :func:`end`.
+        state: State before them, of :func:`initial_state` or :func:`final_state`.
         period: Time between samples [s].
         first: Index of the first of them.
         complete: As of :func:`run`.

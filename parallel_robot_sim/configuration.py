@@ -88,12 +88,13 @@ class Configuration(ControlConfiguration):
         Raises:
             InputError: a value is wrong.
         """
-        self.check(declared(self.true_robot.module))
         with with_location(self.values):
             for key in ('true_robot.actuated', 'true_robot.held'):  # of a described machine
                 nominal = self.values.get(key.removeprefix('true_'))
                 if self.values.get(key, nominal) != nominal:
                     raise InputError(f'{key} must be {key.removeprefix("true_")}, {nominal}', key)
+        self.check(declared(self.true_robot.module))
+        with with_location(self.values):
             check_friction(self.friction)
         _ = self.imperfections
 

@@ -15,7 +15,7 @@ from parallel_robot_model.configuration.hazards import KINDS, Hazard
 # What the motors do while no command comes: hold the last one, then take their safe action.
 
 
-class CommandTimeout(NamedTuple):
+class CommandState(NamedTuple):
     """What the motors know of the commands."""
 
     missed: int  # samples since the last command
@@ -23,21 +23,21 @@ class CommandTimeout(NamedTuple):
     command: Array  # the last command [N m], shape (n,)
 
 
-def no_command_timeout(joints: int) -> CommandTimeout:
+def no_command_yet(joints: int) -> CommandState:
     """Before the first command; `joints` is n."""
     zero = vector(np.zeros(joints))
-    return CommandTimeout(0, zero, zero)
+    return CommandState(0, zero, zero)
 
 
 @internal
 def hold_or_time_out(
     setup: Any,
-    before: CommandTimeout,
+    before: CommandState,
     arrived: bool,
     command: Array,
     position: Array,
     velocity: Array,
-) -> tuple[Array, CommandTimeout]:
+) -> tuple[Array, CommandState]:
     """What the motors are asked for over one period [N m], shape (n,).
 
     Args:
@@ -49,12 +49,12 @@ def hold_or_time_out(
         velocity: Their rates [rad/s], shape (n,).
     """
     if arrived:
-        return command, CommandTimeout(0, before.held, command)
+        return command, CommandState(0, before.held, command)
     missed = before.missed + 1
     held = select(missed == setup.timeout_samples, position, before.held)
     safe = safe_torque(setup.safety, held, position, velocity)
     asked = select(missed >= setup.timeout_samples, safe, command)
-    return asked, CommandTimeout(missed, held, command)
+    return asked, CommandState(missed, held, command)
 
 
 (
@@ -162,7 +162,7 @@ def _keep(hazards: Any, place: int, position: Array, velocity: Array, effort: Ar
 
 @internal
 def commanded(
-    hazards: Any, sample: int, arrived: bool, command: Array, before: CommandTimeout
+    hazards: Any, sample: int, arrived: bool, command: Array, before: CommandState
 ) -> tuple[bool, Array]:
     """Whether a command comes to the motors for a period, and which is the newest [N m].
 

@@ -13,7 +13,7 @@ from parallel_robot_model.configuration.fields import Field, PerJoint
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.drive_step import flexed, record_braked, rotors
 from parallel_robot_sim.hazards import (
-    CommandTimeout,
+    CommandState,
     braked,
     commanded,
     hold_or_time_out,
@@ -187,11 +187,11 @@ def observe(
 def demanded(
     setup: PlantSetup,
     state: PlantState,
-    waiting: CommandTimeout,
+    waiting: CommandState,
     command: Array,
     arrived: bool,
     sample: int,
-) -> tuple[Array, CommandTimeout]:
+) -> tuple[Array, CommandState]:
     """Torque demanded of the motors over the period after a sample [N m], shape (n,).
 
     Args:
@@ -203,7 +203,7 @@ def demanded(
         sample: Index of the sample.
     """
     if arrived and not setup.hazards.on:
-        return command, CommandTimeout(0, waiting.held, waiting.command)
+        return command, CommandState(0, waiting.held, waiting.command)
     joints = setup.measure(setup.robot, state.coordinates, state.rate)
     if setup.hazards.on:
         arrived, command = commanded(setup.hazards, sample, arrived, command, waiting)

@@ -48,7 +48,7 @@ def update_demand(core: Any, command: Array, arrived: bool) -> None:
 
 @kernel
 def advance(core: Any, command: Array, arrived: bool) -> bool:
-    """Advance by one period; arguments as of :func:`take`.
+    """Advance by one period; arguments as of :func:`update_demand`.
 
     Returns:
         Whether the robot is still in its workspace; if not, the state is left unchanged.

@@ -12,7 +12,7 @@ from parallel_robot_model.compiler import FunctionValue, is_finite, kernel, read
 from parallel_robot_model.configuration.fields import neutral
 from parallel_robot_model.configuration.hazard_table import Reception
 from parallel_robot_sim.configuration import Configuration, assemble_plant
-from parallel_robot_sim.hazards import CommandTimeout, no_command_timeout
+from parallel_robot_sim.hazards import CommandState, no_command_yet
 from parallel_robot_sim.plant import (
     PlantSetup,
     PlantState,
@@ -24,7 +24,7 @@ from parallel_robot_sim.plant import (
 from trajectory_gen.trajectory import Reference
 
 
-class Replay(NamedTuple):
+class PlantReplay(NamedTuple):
     """What a plant did, one row for each sample."""
 
     joints: Array  # actuated joints as they were [rad], shape (N, n)
@@ -36,7 +36,7 @@ class Replay(NamedTuple):
 
 def under_commands(
     configuration: Configuration, commands: Array, reference: Reference
-) -> Replay | None:
+) -> PlantReplay | None:
     """What a plant did under the commands of a controller that answered in step.
 
     Args:
@@ -60,7 +60,7 @@ def under_commands(
     since = np.searchsorted(rows, np.arange(len(torque)), side='right')
     torque[since > 0] = commands[np.minimum(since[since > 0], len(commands)) - 1]
     joints, seen, effort, _ = _run_under(plant.setup, plant.state, reception, torque, period)
-    return Replay(joints, seen, effort, reception)
+    return PlantReplay(joints, seen, effort, reception)
 
 
 class UnderCommands:
@@ -92,7 +92,9 @@ class UnderCommands:
         return joints, seen, effort
 
 
-def under_torques(configuration: Configuration, effort: Array, reference: Reference) -> Replay:
+def under_torques(
+    configuration: Configuration, effort: Array, reference: Reference
+) -> PlantReplay:
     """What a plant did, from the torques of its motors.
 
     Args:
@@ -114,13 +116,13 @@ def under_torques(configuration: Configuration, effort: Array, reference: Refere
     reception = plant.hazards.reception(np.arange(len(reference.position)))
     torque = np.vstack([effort[1:], effort[-1:]])
     joints, seen, effort, _ = _run_under(plant.setup, plant.state, reception, torque, period)
-    return Replay(joints, seen, effort, reception)
+    return PlantReplay(joints, seen, effort, reception)
 
 
 def _run_under(
     setup: PlantSetup, state: PlantState, reception: Reception, torque: Array, period: float
 ) -> tuple[Array, Array, Array, PlantState]:
-    waiting = no_command_timeout(torque.shape[1])
+    waiting = no_command_yet(torque.shape[1])
     value = FunctionValue(step, setup, state, state.torque, period)
     states: tuple[Array, Array, Array, PlantState] = _loop(
         value, setup, state, reception.published, reception.answered, waiting, torque, period
@@ -135,7 +137,7 @@ def _loop(
     state: PlantState,
     is_published: NDArray[np.bool_],
     answered: NDArray[np.bool_],
-    waiting: CommandTimeout,
+    waiting: CommandState,
     torque: Array,
     period: float,
 ) -> tuple[Array, Array, Array, PlantState]:

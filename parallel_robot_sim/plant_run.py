@@ -20,7 +20,7 @@ from parallel_robot_model.configuration.loop import WAIT, LoopParameters
 from parallel_robot_model.messages import layouts
 from parallel_robot_model.robots.contract import Measurement
 from parallel_robot_sim.configuration import Configuration, assemble_plant
-from parallel_robot_sim.hazards import no_command_timeout
+from parallel_robot_sim.hazards import no_command_yet
 from parallel_robot_sim.plant import PlantState
 from parallel_robot_sim.plant_core import (
     PlantCore,
@@ -51,7 +51,7 @@ class Simulator:
         self._period = loop.period
         self._timeout_samples = self._setup.timeout_samples
         n = len(loop.joints)
-        self._state, self._waiting = Struct(start), Struct(no_command_timeout(n))
+        self._state, self._waiting = Struct(start), Struct(no_command_yet(n))
         measure = robot.module.measure
         self._measure = entry_point(measure, robot.constants, start.coordinates, start.rate)
         passive = (

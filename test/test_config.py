@@ -299,3 +299,25 @@ def test_joints_of_another_number_are_told_before_the_lists_that_have_one_for_ea
     values = config.resolve('paper_circle', {'joints': names})
     with pytest.raises(InputError, match=r'^joints must be 3 names, one for each joint'):
         build(values)
+
+
+@pytest.mark.parametrize('build', [configuration.configure, motions_of, configure])
+def test_a_controller_looks_at_its_motion_too(build):
+    """Also at shapes that are not used: it starts from the first pose of the motion."""
+    values = config.resolve('paper_circle', {'trajectory.shape': 'hold', 'circle.radius': -1.0})
+    with pytest.raises(InputError, match=r'^circle\.radius must be'):
+        build(values)
+
+
+def test_a_part_of_a_configuration_is_another_one_where_it_is_asked_for():
+    made = configure(config.resolve('paper_circle'))
+    faster = made.with_parts(loop=made.loop._replace(period=0.002))
+    assert (made.loop.period, faster.loop.period) == (0.001, 0.002)
+    here = made.at_pose((0.3, 0.3, 0.0))
+    assert here.here == (0.3, 0.3, 0.0) and here.trajectory is not None
+    for name in ('margins', 'limits', 'made_of'):
+        with pytest.raises(TypeError, match=f'{name} follows from other parts'):
+            made.with_parts(**{name: None})
+    one, other = (configure(config.resolve('paper_circle', {'pid.Kp': Kp})) for Kp in (9.0, 8.0))
+    assert made.made_of == configure(config.resolve('paper_circle')).made_of != one.made_of
+    assert one.made_of != other.made_of

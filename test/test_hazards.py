@@ -60,6 +60,12 @@ def test_a_share_of_the_states_is_dropped_at_random_by_the_seed():
     assert abs(both - 0.01) < 3.0 * np.sqrt(0.01 / 20_000)
 
 
+def test_states_that_are_never_sent_are_not_refused():
+    given = ['states_dropped share 1.0 at 0.0 for 3e3', 'velocity_nan joint joint1 at 0.0 for 3e3']
+    table = HazardTable(loop_of(resolve('paper_circle', {'hazards': given})), 0.04)
+    assert not table.lost and not table.reception(np.arange(2_999_000, 2_999_999)).published.any()
+
+
 def test_every_kind_can_be_written():
     for what, kind in KINDS.items():
         joint, size = ('joint2' if 'joint' in kind.words else ''), len(kind.words) > 2

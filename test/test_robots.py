@@ -1,5 +1,6 @@
 """What holds for every robot: the contract, and the files in config/robots."""
 
+import warnings
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -277,12 +278,14 @@ def test_the_motion_in_the_file_of_a_robot_is_feasible(file):
 
 
 def test_what_a_robot_leaves_out_has_a_default():
-    robot = Robot.of(SimpleNamespace(PLANAR=True, Parameters=tuple, estimate='kernel'))
+    robot = Robot.of(
+        SimpleNamespace(PLANAR=True, Parameters=tuple, estimate='kernel', warnings=warnings)
+    )
     assert (
         robot.constants('own') == 'own' and robot.planar(()) and robot.estimate_coarse == 'kernel'
     )
     assert robot.Constants is tuple is not MODULES['planar_3rrr'].Constants
-    assert robot.units(()) == robot.warnings(()) == robot.margins((), ()) == ()
+    assert robot.units(()) == robot.parameter_warnings(()) == robot.margins((), ()) == ()
     assert robot.home(()) is robot.NO_POSE is robot.linear_model is robot.tree is None
     assert np.isnan(robot.pose_with((), (), ())).all() and not robot.OWN_MEMORY
     assert MODULES['planar_3rrr'].NO_POSE and MODULES['planar_3rrr'].tree is not None

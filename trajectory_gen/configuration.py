@@ -64,7 +64,7 @@ class MotionConfiguration(RobotConfiguration):
         """MotionLimits of the robot."""
         return self.at('trajectory', self.module.MotionLimits)
 
-    @property
+    @cached_property
     def trajectory(self) -> Trajectory:
         """The desired motion.
 
@@ -82,13 +82,19 @@ class MotionConfiguration(RobotConfiguration):
             near = robot.pose_of(INITIAL, self.here) if joints else ()
             return _trajectory(robot, self.motion, self.limits, shape, given, near)
 
-    def given(self, name: str) -> Any:
+    def at_pose(self, here: Sequence[Any]) -> MotionConfiguration:
+        """The same of a robot that is in another pose."""
+        motions = self.with_parts(here=here)
+        motions.__dict__.pop('trajectory', None)
+        return motions
+
+    def parameters_of(self, name: str) -> Any:
         """Parameters of a shape."""
         return self.at(name, self.shapes[name].Parameters)
 
     def placed(self, name: str, here: Sequence[Any]) -> Any:
         """Parameters of a shape of the robot that is in the pose `here`."""
-        given = self.given(name)
+        given = self.parameters_of(name)
         if name == 'hold' and not given.pose:
             given = hold.Parameters(self.robot.pose_of(INITIAL, here))
         if getattr(given, 'space', '') == QUATERNIONS:
@@ -96,10 +102,14 @@ class MotionConfiguration(RobotConfiguration):
         return given
 
     @property
-    def asked(self) -> tuple[Any, ...]:
+    def inputs(self) -> tuple[Any, ...]:
         """The values on which the desired motion depends."""
         own = self.motion
-        return own._replace(lookahead=0.0, transition=0.0), self.limits, self.given(own.shape)
+        return (
+            own._replace(lookahead=0.0, transition=0.0),
+            self.limits,
+            self.parameters_of(own.shape),
+        )
 
     def check_motion(self) -> None:
         """Find what is wrong in the parameters of the motion, even of shapes that are not used.
@@ -206,7 +216,7 @@ def changed(motions: MotionConfiguration, values: Mapping[str, Any]) -> MotionCo
     made = MotionConfiguration({**motions.values, **values}).with_parts(**same)
     made.check(declared(made.module, made.shapes))
     for name in motions.shapes.keys() - SHAPES.keys():
-        if _lengths(made.given(name)) != _lengths(motions.given(name)):
+        if _lengths(made.parameters_of(name)) != _lengths(motions.parameters_of(name)):
             raise InputError(f'the lists of {name} keep their lengths while the node runs', name)
     return made
 

@@ -33,7 +33,7 @@ class Parameters(NamedTuple):
     phi: Annotated[float, Field('rad', 'platform angle, with points x, y')]
 
 
-class Path(NamedTuple):
+class Route(NamedTuple):
     """First pose, way to the other and lift, each shape (m,); times as in Parameters [s]."""
 
     start: Array
@@ -44,7 +44,7 @@ class Path(NamedTuple):
     dwell: float
 
 
-def prepare(parameters: Parameters) -> Path:
+def prepare(parameters: Parameters) -> Route:
     """The way of the parameters.
 
     Raises:
@@ -63,11 +63,11 @@ def prepare(parameters: Parameters) -> Path:
         raise InputError(f'pick_and_place.rise {what}', 'pick_and_place.rise')
     lift = np.zeros_like(start)
     lift[:size] = height * axis / length_of(axis)
-    return Path(start, way, lift, duration, rise, dwell)
+    return Route(start, way, lift, duration, rise, dwell)
 
 
 @kernel
-def motion(way: Path, t: float) -> PoseMotion:
+def motion(way: Route, t: float) -> PoseMotion:
     """Pose with two derivatives at time `t` [s]."""
     one_way = way.duration + way.dwell
     t = t % (2.0 * one_way)
@@ -85,6 +85,6 @@ def motion(way: Path, t: float) -> PoseMotion:
     )
 
 
-def span(way: Path) -> float:
+def span(way: Route) -> float:
     """Time after which nothing new happens [s]: there and back."""
     return 2.0 * (way.duration + way.dwell)

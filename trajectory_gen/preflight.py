@@ -149,7 +149,7 @@ def transition_to(
         MotionError: the robot cannot perform it.
     """
     before = sequence.until(index)
-    trajectory = motions.with_parts(here=tuple(before.sample(index).pose[0].tolist())).trajectory
+    trajectory = motions.at_pose(tuple(before.sample(index).pose[0].tolist())).trajectory
     last, duration = before.parts[-1], trajectory.parameters.transition
     time = (index - last.begin) * sequence.period
     entry, bare = last.trajectory.entry, last.trajectory.entered(None)

@@ -167,7 +167,7 @@ class TrajectoryNode(SuiteNode):
         made = changed(self._motions, {**self.values, **changes})
         trajectory, text = made.trajectory, ''
         shape, performed = trajectory.parameters.shape, self._sequence.parts[-1].name
-        if made.asked != self._motions.asked or (SHAPE in changes and shape != performed):
+        if made.inputs != self._motions.inputs or (SHAPE in changes and shape != performed):
             stamp = self._schedule(partial(preflight.transition_to, motions=made))
             text = f'{shape} from stamp {stamp} on, in {trajectory.parameters.transition:g} s'
         stored = {key: value for key, value in settings(made) if key in changes}
@@ -214,12 +214,12 @@ class TrajectoryNode(SuiteNode):
     def _make_pose_finder(self) -> PoseFinder | None:
         """What finds the pose in which the robot is; None where it is known, or not needed."""
         own, robot = self._motions.motion, self._motions.robot
-        held = own.shape == 'hold' and not self._motions.given('hold').pose
+        held = own.shape == 'hold' and not self._motions.parameters_of('hold').pose
         if self.lockstep or self.loop.start_stamp or not held:
             return None
         guess = self.values[GUESS]
         if guess:
-            self._motions = self._motions.with_parts(here=robot.pose_of(GUESS, guess))
+            self._motions = self._motions.at_pose(robot.pose_of(GUESS, guess))
         return PoseFinder(
             self._motions.trajectory, self.loop.joints, given_zero_angles(self.values)
         )
@@ -230,7 +230,7 @@ class TrajectoryNode(SuiteNode):
         pose = finder.read(data) if finder else None
         if finder is None or pose is None:
             return
-        trajectory = self._motions.with_parts(here=pose).trajectory
+        trajectory = self._motions.at_pose(pose).trajectory
         try:
             preflight.check(trajectory, self.loop.period)
         except MotionError as error:
@@ -240,7 +240,7 @@ class TrajectoryNode(SuiteNode):
         numbers = zip(axes, pose, strict=True)
         text = ', '.join(f'{axis.name} = {number:.6g} {axis.unit}' for axis, number in numbers)
         self.get_logger().info(f'holds the pose in which the robot is: {text}')
-        self._motions = self._motions.with_parts(here=pose)
+        self._motions = self._motions.at_pose(pose)
         self._sequence, self._rest = (
             MotionSequence(trajectory, self.loop.period),
             _at_rest(trajectory),

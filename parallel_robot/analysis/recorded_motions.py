@@ -271,17 +271,21 @@ def _ideal(log: RunLog, true: Motion) -> np.ndarray | None:
     None where the plant is not known exactly, or its motion is not the one that was planned.
     """
     try:
-        plant, trajectory = configure_plant(log.config), trajectory_of(log.config)
-        rows = np.rint(true.time / plant.loop.period).astype(np.int64)
+        configuration, trajectory = configure_plant(log.config), trajectory_of(log.config)
+        rows = np.rint(true.time / configuration.loop.period).astype(np.int64)
         last = int(rows[-1])
-        if plant.plant.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(rows):
+        if configuration.plant.engine == MUJOCO or not 0 <= rows[0] < last <= MOST_STEPS * len(
+            rows
+        ):
             return None
-        if plant.loop.last_index != last:  # it ended early, or had no end
-            plant = plant.with_parts(loop=plant.loop._replace(duration=last * plant.loop.period))
-        planned = trajectory.sample(plant.loop.period * rows).position
+        if configuration.loop.last_index != last:  # it ended early, or had no end
+            configuration = configuration.with_parts(
+                loop=configuration.loop._replace(duration=last * configuration.loop.period)
+            )
+        planned = trajectory.sample(configuration.loop.period * rows).position
         if np.abs(planned - true.reference_position).max() > PLANNED:
             return None
-        return along(trajectory, plant)[rows]
+        return along(trajectory, configuration)[rows]
     except ParallelRobotError:
         return None
 
@@ -337,7 +341,7 @@ def _again(log: RunLog, past: History) -> Motion | None:
     return Motion(time, again.joints, wanted, again.effort, poses)
 
 
-def _told(log: RunLog, again: plant_replay.Replay, measured: NDArray[np.int64]) -> bool:
+def _told(log: RunLog, again: plant_replay.PlantReplay, measured: NDArray[np.int64]) -> bool:
     """Whether a plant told what a bag says, but for few states; `measured`: their samples."""
     rows = np.flatnonzero(again.reception.published[: len(again.measured)])
     samples = rows - again.reception.late[rows]

@@ -385,14 +385,16 @@ class _Ideal:
         self._first = self._samples = 0
         self._known = False
         try:
-            plant, self._trajectory = configure_plant(values), trajectory_of(values)
-            self._period = plant.loop.period
-            if (plant.loop.last_index or 0) < count - 1:  # it had no end
+            configuration, self._trajectory = configure_plant(values), trajectory_of(values)
+            self._period = configuration.loop.period
+            if (configuration.loop.last_index or 0) < count - 1:  # it had no end
                 duration = (count - 1) * self._period
-                plant = plant.with_parts(loop=plant.loop._replace(duration=duration))
-            self._last = plant.loop.last_index or 0
-            self._torque = IdealTorque(self._trajectory, plant)
-            self._known = plant.plant.engine != MUJOCO
+                configuration = configuration.with_parts(
+                    loop=configuration.loop._replace(duration=duration)
+                )
+            self._last = configuration.loop.last_index or 0
+            self._torque = IdealTorque(self._trajectory, configuration)
+            self._known = configuration.plant.engine != MUJOCO
         except ParallelRobotError:
             return
 

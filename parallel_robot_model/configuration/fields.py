@@ -296,7 +296,16 @@ class Groups:
             self.at(prefix, kind)
 
     def with_parts(self: Configured, **parts: Any) -> Configured:
-        """The same with other parts, by the names of the properties."""
+        """The same with other parts, by the names of the properties.
+
+        Parts that were made of the former ones, `values` and `at` stay as they are.
+
+        Raises:
+            TypeError: a part is computed anew each time, and cannot be another one.
+        """
+        for name in parts:
+            if isinstance(getattr(type(self), name), property):
+                raise TypeError(f'{name} follows from other parts')
         made = copy.copy(self)
         made.__dict__.update(parts)
         return made

@@ -21,6 +21,7 @@ from parallel_robot_model.configuration.loop import LoopParameters
 LATE = {'states_late': 1, 'states_ahead': -1}  # sign of how late states are
 UNPUBLISHED = {'states_lost', 'controller_paused', 'controller_restarted', 'plant_paused'}
 EARLY = 1e-6  # of a period, by which a time may be missed by rounding
+AT_ONCE = 1000  # samples, of which one that is published is looked for together
 AROUND = 2  # samples without a hazard, after which none is looked back at
 REFUSED = 0.1  # s, for which all states are refused before that is a fault
 # Codes of the faults that states lead to; none comes first.
@@ -29,7 +30,7 @@ INVALID = REASONS.index('states_invalid')
 
 
 class Reception(NamedTuple):
-    """What is heard of samples, one row for each, shape (N,); of one sample, numbers."""
+    """What is received of samples, one row for each, shape (N,); of one sample, numbers."""
 
     published: NDArray[np.bool_]  # whether there is a message of the state
     answered: NDArray[np.bool_]  # whether a controller answers it
@@ -93,7 +94,7 @@ class HazardTable:
         self.lost = dict(self._losses(round(REFUSED / period)))
 
     def reception(self, samples: Any) -> Reception:
-        """What is heard of samples, shape (N,), or of one."""
+        """What is received of samples, shape (N,), or of one."""
         least = samples if isinstance(samples, int) else np.min(samples, initial=sys.maxsize)
         if least >= self.undisturbed_from:
             all_, none = samples >= self.undisturbed_from, 0 * samples
@@ -104,7 +105,8 @@ class HazardTable:
         sent = np.ones(samples.shape, bool)
         for begin, end, share, draws in self._dropped:
             drawn = (begin <= samples) & (samples < end)
-            some = [_drawn(f'{draws}{k}') >= share for k in samples[drawn].tolist()]
+            each = samples[drawn].tolist() if share < 1.0 else ()
+            some = [_drawn(f'{draws}{k}') >= share for k in each] or False
             sent[drawn] &= np.array(some, bool)
         return found._replace(
             published=found.published & sent,
@@ -161,7 +163,12 @@ class HazardTable:
 
     def _first_sent(self, begin: int, end: int) -> int | None:
         """First sample of a stretch whose state is not dropped."""
-        return next((k for k in range(begin, end) if self.reception(k).published), None)
+        while begin < end:
+            samples = np.arange(begin, min(end, begin + AT_ONCE))
+            if (published := self.reception(samples).published).any():
+                return int(samples[published][0])
+            begin += AT_ONCE
+        return None
 
 
 def _drawn(text: str) -> float:

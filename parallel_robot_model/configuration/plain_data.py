@@ -160,7 +160,7 @@ def _check(value: Any, depth: int, key: str = '') -> None:
 INDEX = re.compile(r'\[\d+\]$')  # of one of several numbers
 
 
-class Location(NamedTuple):
+class SourceLocation(NamedTuple):
     """A line of a file, from 1, and the columns of the table that was read from there."""
 
     file: str
@@ -172,7 +172,9 @@ class LocatedDict(dict[str, Any]):
     """Values by key."""
 
     def __init__(
-        self, values: Mapping[str, Any] | None = None, places: Mapping[str, Location] | None = None
+        self,
+        values: Mapping[str, Any] | None = None,
+        places: Mapping[str, SourceLocation] | None = None,
     ) -> None:
         super().__init__(values or {})
         # key to place, of the values that stand in a file of a user
@@ -188,7 +190,7 @@ SafeRepresenter.add_representer(
 )  # YAML: as any dictionary
 
 
-def locations_of(values: Mapping[str, Any]) -> Mapping[str, Location]:
+def locations_of(values: Mapping[str, Any]) -> Mapping[str, SourceLocation]:
     """Places of some values; of values that know none, nothing."""
     return values.locations if isinstance(values, LocatedDict) else {}
 

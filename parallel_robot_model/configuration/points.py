@@ -17,7 +17,11 @@ from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.plain_data import LocatedDict, Location, with_location
+from parallel_robot_model.configuration.plain_data import (
+    LocatedDict,
+    SourceLocation,
+    with_location,
+)
 
 # Tables of points: a CSV of times and coordinates, in anybody's columns and units.
 
@@ -298,7 +302,7 @@ def with_points(values: LocatedDict) -> LocatedDict:
         THINNED: thinned,
     }
     places = dict.fromkeys(entries, place) if place else {}
-    places[POINTS] = (place or Location(str(path), 1))._replace(columns=table.names)
+    places[POINTS] = (place or SourceLocation(str(path), 1))._replace(columns=table.names)
     return values | LocatedDict(entries, places)
 
 

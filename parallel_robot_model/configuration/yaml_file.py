@@ -19,7 +19,7 @@ from parallel_robot_model.configuration.hazards import KEY as HAZARDS
 from parallel_robot_model.configuration.plain_data import (
     LOADER,
     LocatedDict,
-    Location,
+    SourceLocation,
     with_location,
 )
 
@@ -104,7 +104,7 @@ def read(path: Path) -> LocatedDict:
     return values
 
 
-def key_locations(text: str, file: str) -> dict[str, Location]:
+def key_locations(text: str, file: str) -> dict[str, SourceLocation]:
     """Where the keys of a text stand, those of groups, too.
 
     Args:
@@ -114,11 +114,11 @@ def key_locations(text: str, file: str) -> dict[str, Location]:
     Returns:
         Dotted key to place.
     """
-    places: dict[str, Location] = {}
+    places: dict[str, SourceLocation] = {}
 
     def note(node: Any, prefix: str) -> None:
         for key, value in node.value if isinstance(node, yaml.MappingNode) else ():
-            places[f'{prefix}{key.value}'] = Location(file, key.start_mark.line + 1)
+            places[f'{prefix}{key.value}'] = SourceLocation(file, key.start_mark.line + 1)
             note(value, f'{prefix}{key.value}.')
 
     with contextlib.suppress(yaml.YAMLError):  # JSON may be none
@@ -183,7 +183,7 @@ def _flatten(path: Path, loader: Any, node: Any, prefix: str, values: LocatedDic
                 what = f'{printable(key)} cannot be {shown}: YAML reads {kind_of(item)} there'
                 raise InputError(f'{where}: {what}')
         values[key] = value
-        values.locations[key] = Location(str(path), key_node.start_mark.line + 1)
+        values.locations[key] = SourceLocation(str(path), key_node.start_mark.line + 1)
 
 
 # Parameter files: keys and values, or the form in which ROS has them, by node.
@@ -235,7 +235,7 @@ def is_ros_parameter_file(values: Mapping[str, Any]) -> bool:
 def _by_node(path: Path, values: LocatedDict) -> LocatedDict:
     """Parameters of the nodes of the suite."""
     parameters: dict[
-        str, tuple[Any, str, Location]
+        str, tuple[Any, str, SourceLocation]
     ] = {}  # value, the node that it is for, its place
     strangers = set()
     for own in (False, True):  # a node's own parameters count more than those for all

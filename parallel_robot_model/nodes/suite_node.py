@@ -272,7 +272,6 @@ class SuiteNode(Node):  # type: ignore[misc]
         """
         # A node that is started with its own parameters must find the file of its scenario.
         groups = Groups({**self.values, 'scenario': self._scenario})
-        groups.check(declared)
         for prefix, kind in declared:
             values = groups.at(prefix, kind)
             for parameter, value in zip(fields.parameters(kind), values, strict=True):

@@ -356,7 +356,7 @@ class Robot(RobotModule):
         """Unit of each actuated joint, 'rad' or 'm'; empty if all are rad."""
         return ()
 
-    def warnings(self, parameters: Any, /) -> tuple[str, ...]:
+    def parameter_warnings(self, parameters: Any, /) -> tuple[str, ...]:
         """What is doubtful in its file, lines of text."""
         return ()
 

@@ -260,10 +260,11 @@ def robot_with(
         robot = module.validate(parameters, prefix)
         count = module.joints(robot)
         module.coordinates(robot)
+        remarks = module.parameter_warnings(robot)
     if count != len(names):
         what = f'joints must be {count} names, one for each joint, not {list(names)}'
         raise InputError(what, 'joints')
-    _warn(loop.robot_model, module.warnings(robot))
+    _warn(loop.robot_model, remarks)
     return RobotModel(loop.robot_model, module, robot)
 
 

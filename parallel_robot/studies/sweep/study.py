@@ -19,7 +19,11 @@ from parallel_robot_model.configuration.config_files import (
     scenario_stem,
 )
 from parallel_robot_model.configuration.fields import Field, check
-from parallel_robot_model.configuration.plain_data import LocatedDict, Location, with_location
+from parallel_robot_model.configuration.plain_data import (
+    LocatedDict,
+    SourceLocation,
+    with_location,
+)
 
 # A study that starts from another one, its base, and says only what differs.
 
@@ -48,8 +52,10 @@ def _chosen_laws(known: Any, names: Sequence[Any]) -> Any:
 
 
 def places_with_base(
-    base: Mapping[str, Location], own: Mapping[str, Location], content: Mapping[str, Any]
-) -> dict[str, Location]:
+    base: Mapping[str, SourceLocation],
+    own: Mapping[str, SourceLocation],
+    content: Mapping[str, Any],
+) -> dict[str, SourceLocation]:
     """Where the keys of a study with a base stand; `content` is that of the study alone."""
     replaced = content.keys() - {*GROUPS}
     kept = {key: place for key, place in base.items() if key.partition('.')[0] not in replaced}
@@ -102,7 +108,7 @@ class Study:
     # whether each error is also held against the limit at the chattering of its run
     calm: bool = False
     # where the keys of its file stand, e.g. ``set.friction.viscous``
-    places: Mapping[str, Location] = field(default_factory=dict)
+    places: Mapping[str, SourceLocation] = field(default_factory=dict)
     text: str = ''  # its file; of one with a base, or with laws of its own, all of it in one
 
     def of_case(self, variant: Variant) -> LocatedDict:
@@ -210,7 +216,7 @@ def parse(
 
 def _loaded(
     text: str, name: str, folder: Path | None, way: tuple[Path, ...]
-) -> tuple[dict[str, Any], dict[str, Location], bool]:
+) -> tuple[dict[str, Any], dict[str, SourceLocation], bool]:
     """Content of a study with that of its bases, its places, and whether it has no base."""
     try:
         content = plain_data.load(text)

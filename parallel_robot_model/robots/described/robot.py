@@ -164,7 +164,7 @@ class DescribedRobot(Robot):
         """Whether the tool moves in a plane of two of x, y and z."""
         return self.machine(robot).planar
 
-    def warnings(self, robot: Parameters) -> tuple[str, ...]:
+    def parameter_warnings(self, robot: Parameters) -> tuple[str, ...]:
         """What its file says and what is left out of it, or is doubtful, a line each."""
         return self.machine(robot).warnings
 
