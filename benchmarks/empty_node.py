@@ -90,7 +90,7 @@ class EmptyNode(Node):  # type: ignore[misc]
         """Take the common start [ns]."""
         self.start_stamp = stamp
 
-    def keep_time(self, tick: Any, ahead: int = 0) -> None:
+    def start_timer(self, tick: Any, ahead: int = 0) -> None:
         """Call ``tick(stamp)`` for the stamps of the motion."""
 
         def within(stamp: int) -> None:

@@ -186,7 +186,7 @@ def test_the_period_is_the_time_between_two_stamps(motion):
     integrals = []
     for step in (1, 2):
         core = controller()
-        core.begin(START)
+        core.set_start(START)
         for k in (0, step, 2 * step):
             core.add_reference(START + k * MS, references[0])
             sample = answer_of(core, core.add_state(START + k * MS, states[0]))

@@ -20,10 +20,12 @@ def accelerations(scenario, pose, torque, push=0.0, rate=0.0):
             {'friction.coulomb': 0.0, 'disturbance.amplitude': 0.0, 'plant.initial_pose': pose},
         )
     )
-    robot = plant.robot
+    robot = plant.true_robot
     start = np.asarray(robot.module.start(robot.parameters, np.asarray(pose)))
     zero = np.zeros(len(start))
-    kernel = robot.kernel('acceleration', plant.load, *map(vector, (start, zero, torque)), 0.0)
+    kernel = robot.kernel(
+        'acceleration', plant.joint_load, *map(vector, (start, zero, torque)), 0.0
+    )
     measure = robot.kernel('measure', vector(start), vector(zero))
 
     def joints(coordinates):
@@ -37,7 +39,7 @@ def accelerations(scenario, pose, torque, push=0.0, rate=0.0):
     jacobian = np.transpose(columns)
     at = start + np.linalg.solve(jacobian, np.broadcast_to(push, len(torque)))
     speed = np.linalg.solve(jacobian, np.broadcast_to(rate, len(torque)))
-    words = plant.load, vector(at), vector(speed), vector(torque), 0.0
+    words = plant.joint_load, vector(at), vector(speed), vector(torque), 0.0
     return jacobian @ np.array(kernel(robot.constants, *words))
 
 

@@ -93,7 +93,7 @@ from parallel_robot_model.processes import realtime
 priority = int(sys.argv[1])
 os.sched_setscheduler(0, os.SCHED_FIFO if priority else os.SCHED_OTHER, os.sched_param(priority))
 thread = threading.Thread(
-    target=lambda: (realtime.give_way(), print(os.sched_getparam(0).sched_priority))
+    target=lambda: (realtime.lower_priority(), print(os.sched_getparam(0).sched_priority))
 )
 thread.start()
 thread.join()

@@ -66,8 +66,8 @@ def turns(learner, corrections, samples=None, positions=None, believed=None, alo
     count = len(corrections)
     samples = np.arange(count) if samples is None else samples
     if positions is None:  # the same in every turn
-        positions = np.random.default_rng(1).normal(size=(learner.turn, N))
-        positions = positions[np.arange(count) % learner.turn]
+        positions = np.random.default_rng(1).normal(size=(learner.repetition_samples, N))
+        positions = positions[np.arange(count) % learner.repetition_samples]
     yes = np.ones(count, bool)
     believed, alone = (yes if given is None else given for given in (believed, alone))
     return _turns(learner, samples, positions, corrections, believed, alone, LIMIT)

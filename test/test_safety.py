@@ -371,8 +371,8 @@ class Before(NamedTuple):
     bumpless: bool
 
 
-def last(torque, offset=(0.0, 0.0, 0.0), takes_over=False):
-    return Before(np.array(torque), np.array(offset), takes_over)
+def last(torque, offset=(0.0, 0.0, 0.0), bumpless=False):
+    return Before(np.array(torque), np.array(offset), bumpless)
 
 
 def test_the_torque_limit_clips_each_joint_and_says_what_is_cut_off():
