@@ -38,7 +38,6 @@ from parallel_robot_model.robots.contract import Robot
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen import configuration as motion
 from trajectory_gen.configuration import INITIAL, MotionConfiguration
-from trajectory_gen.shapes import shapes
 
 
 class ControllerParameters(NamedTuple):
@@ -94,7 +93,7 @@ class ControlConfiguration(MotionConfiguration):
         with with_location(self.values):
             if self.controller.guess:
                 return checked(self.controller.guess, self.robot)
-            if self.values['trajectory.shape'] not in shapes(self.values['custom_trajectories']):
+            if self.values['trajectory.shape'] not in self.shapes:
                 return checked(tuple(map(float, self.values[INITIAL])), self.robot)
             self.check_motion()
             return checked(self.trajectory.first_pose, self.robot)

@@ -117,12 +117,11 @@ class ControlSetup(NamedTuple):
     margins: Any  # its SafetyMargins
     pose_loss_mask: int  # its faults at which it has no pose, as bits
     period: float  # of the samples [s]
-    repetition_samples: (
-        int  # samples of a turn from which the next one learns; 0: nothing is learned
-    )
+    # samples of a turn from which the next one learns; 0: nothing is learned
+    repetition_samples: int
     identifies: bool  # whether the age of the states is identified
     safety: Any  # SafetyParameters, boxed, as all that follow; see as_limits
-    estimator: Any  # EstimatorParameters, settled
+    estimator: Any  # EstimatorParameters, see resolved
     lock_in: Any  # LockInParameters
     approach: Any  # ApproachParameters
     repetition: Any  # RepetitionParameters but for the period of a turn

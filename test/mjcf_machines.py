@@ -44,6 +44,12 @@ def made(name):
     return MACHINES[name]()
 
 
+OF_CLOSURES = (  # fields of a Mechanism
+    'closure', 'first', 'second', 'first_point', 'second_point', 'relative_rotation', 'direction',
+    'ratio', 'offset',
+)  # fmt: skip
+
+
 def samples(machine, count, seed=0, near=NEAR):
     """Positions of the actuated joints around home, shape (count, n)."""
     m = machine.mechanism
@@ -160,23 +166,12 @@ def _closures(model, frame):
             for kind in kinds
             for direction in np.eye(3)
         ]
-    names = (
-        'closure',
-        'first',
-        'second',
-        'first_point',
-        'second_point',
-        'relative_rotation',
-        'direction',
-    )
     shapes = (), (), (), (3,), (3,), (3, 3), (3,), (), ()
     kinds = (np.int64,) * 3 + (float,) * 6
     columns = list(zip(*rows, strict=True)) or [()] * 9
     return {
         name: np.array(x, kind).reshape((-1, *shape))
-        for name, x, kind, shape in zip(
-            (*names, 'ratio', 'offset'), columns, kinds, shapes, strict=True
-        )
+        for name, x, kind, shape in zip(OF_CLOSURES, columns, kinds, shapes, strict=True)
     }
 
 
@@ -189,16 +184,7 @@ def _independent(m, model, data):
     rank = np.linalg.matrix_rank(block, 1e-9)
     rows = np.sort(qr(block.T, pivoting=True)[2][:rank])
     columns = np.sort(qr(block[rows], pivoting=True)[2][:rank])
-    names = (
-        'closure',
-        'first',
-        'second',
-        'first_point',
-        'second_point',
-        'relative_rotation',
-        'direction',
-    )
-    fields = {name: getattr(m, name)[rows] for name in (*names, 'ratio', 'offset')}
+    fields = {name: getattr(m, name)[rows] for name in OF_CLOSURES}
     return m._replace(passive=m.passive[columns], **fields)
 
 

@@ -159,6 +159,7 @@ def resolve_with_sources(
     # 1. All that is read.
     files = builtin_files()
     name, given = _scenario(scenario)
+    source_of_name = given[-1][0]
     changes = config_files.with_file_contents(_plain(overrides or {}))
     _check_scenario(name, scenario, str(changes.pop('scenario', name)))
     given.append((OVERRIDE, changes))
@@ -173,11 +174,10 @@ def resolve_with_sources(
     laws, shapes = (module_names(requested, key) for key in ('custom_laws', 'custom_trajectories'))
     layers += [*gains, (CUSTOM_DEFAULT, _of(shapes, own))]
     allowed, opaque = merged(values for _, values in layers), (laws | shapes) - _groups(layers)
-    layers += [*given, (given[-2][0], {'scenario': name})]
+    layers += [*given, (source_of_name, {'scenario': name})]
     config = merged(values for _, values in layers)
     sources = {key: source for source, values in layers for key in values}
     # 3. Checked, and completed by what follows from it.
-    of_robot = [key for key in config if key.startswith('robot.')]
     names = {*allowed, *(f'true_{key}' for key in allowed if key.startswith('robot.'))}
     for _, values in given:
         for key in values:
@@ -186,7 +186,7 @@ def resolve_with_sources(
                     raise UnknownNameError('parameter', key, names, key)
     _complete(config)
     sources[DESCRIPTION] = sources[config_files.COMPILED] = config_files.MODEL
-    for key in of_robot:
+    for key in [key for key in config if key.startswith('robot.')]:
         if f'true_{key}' not in config:
             config[f'true_{key}'], sources[f'true_{key}'] = config[key], key
     preset = merged(values for _, values in gains)

@@ -185,9 +185,8 @@ class LocatedDict(dict[str, Any]):
         return merged((self, others))
 
 
-SafeRepresenter.add_representer(
-    LocatedDict, SafeRepresenter.represent_dict
-)  # YAML: as any dictionary
+# in YAML as any dictionary
+SafeRepresenter.add_representer(LocatedDict, SafeRepresenter.represent_dict)
 
 
 def locations_of(values: Mapping[str, Any]) -> Mapping[str, SourceLocation]:
