@@ -64,7 +64,7 @@ OWN = {
     r'("datetime_(start|complete)":)"[^"]*"': r'\1"TIME"',
     r'\b\d+\.\d+\.\d+ [0-9a-f]{16}(?=, numba )': 'VERSION',  # a hash of the sources
 }
-OF_NODE = re.compile(r' +"/\w+": ')  # a line of JSON that comes when its node is heard
+MEMBER = re.compile(r' +"[\w/]+": ')  # of an object of JSON, which has no order
 # Native code in FMUs is not compared: it has names of modules and counters of types in it, that of
 # a plant also five bytes of its process. What it computes is compared: fmpy runs it.
 NATIVE = ('.so', '.o')
@@ -204,6 +204,7 @@ def parts(path: Path, data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
         yield from messages(data, folder)
     elif path.suffix == '.parquet':
         table = pyarrow.parquet.read_table(io.BytesIO(data))
+        table = table.select(sorted(table.column_names))
         yield 'columns', str(table.schema)
         rows = table.to_pandas().to_csv(index=False).splitlines()
         yield from ((f'row {row}', line) for row, line in enumerate(rows))
@@ -217,9 +218,9 @@ def parts(path: Path, data: bytes, folder: Path) -> Iterator[tuple[str, str]]:
     else:
         lines: list[str] = []
         text = plain(data, folder).splitlines()
-        for of_nodes, those in itertools.groupby(text, lambda line: bool(OF_NODE.match(line))):
+        for members, those in itertools.groupby(text, lambda line: bool(MEMBER.match(line))):
             part = list(those)
-            lines += sorted(line.rstrip(',') for line in part) if of_nodes else part
+            lines += sorted(line.rstrip(',') for line in part) if members else part
         yield from ((f'line {line}', content) for line, content in enumerate(lines, 1))
 
 

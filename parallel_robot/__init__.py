@@ -2,7 +2,7 @@
 
 >>> import parallel_robot as pr
 >>> run = pr.simulate('paper_circle', law='smc', duration=1)
->>> round(pr.metrics(run).steady.xy_rms_m, 6)
+>>> round(pr.metrics(run)['xy_rms_m'], 6)
 0.001386
 
 What is offered here is imported when it is used first: the compiler takes a second. Files of users

@@ -13,10 +13,11 @@ from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from parallel_robot.analysis import metrics, table
+from parallel_robot.analysis import recorded_motions, table
+from parallel_robot.analysis.metrics import TABLE, MotionPart
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot_model.messages import layouts, topics
-from parallel_robot_sim.motions import Motion
+from parallel_robot_sim.motions import Motion, Poses
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
 START = 5 * 10**9  # ns
@@ -118,7 +119,15 @@ def chunks(path):
 def motion_of(log, poses=None):
     """The motion of a run, with its poses by the nominal robot, or others."""
     arrays = log.time, log.position, log.reference_position, log.effort
-    return Motion(*arrays, metrics.poses(log) if poses is None else poses)
+    return Motion(*arrays, recorded_motions.poses_of_log(log) if poses is None else poses)
+
+
+def metric_of_torques(key, time, effort, ideal=None, first=0):
+    """A metric of torques from a sample on [N m], shape (N, n), by its key."""
+    nothing = np.zeros_like(effort)
+    motion = Motion(time, nothing, nothing, effort, Poses(nothing, nothing, 0))
+    (metric,) = (one for one in TABLE if one.key == key)
+    return metric.value(MotionPart(motion, ideal, first))
 
 
 def streams(reference, position, effort=None, names=JOINTS, start=START):

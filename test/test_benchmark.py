@@ -108,11 +108,11 @@ def test_a_run_is_that_of_simulate_against_the_limit_of_its_robot(whole, protoco
     run = pr.simulate(row.scenario, **row.overrides)
     metrics = pr.metrics(run)
     found = scores.runs['pid']['default'][condition.first]
-    assert found.figures.error == metrics.steady.xy_rms_m
-    assert found.figures.chattering == metrics.torque.chattering_nm
+    assert found.figures.error == metrics['xy_rms_m']
+    assert found.figures.chattering == metrics['chattering_nm']
     limits = least_errors.compute(row.scenario, row.overrides, calm=True)
     (robot,) = next(iter(limits.members.values()))
-    wanted = robot.calm.at(max(metrics.torque.chattering_nm, robot.calm.chattering[0]))
+    wanted = robot.calm.at(max(metrics['chattering_nm'], robot.calm.chattering[0]))
     assert found.score == float(f'{wanted / found.figures.error:.5g}')
 
 

@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 import scipy.linalg
+from bags import metric_of_torques
 
-from parallel_robot.analysis import metrics
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import calm
 from parallel_robot.studies.limit import LinearMotion, Noise, least, linearise, noise_of
@@ -61,7 +61,7 @@ def run(K, count=6000, paths=24):
         state[2] += draws[k, 3]
         last = np.concatenate((torques[k : k + 1], last[:-1]))
     part = slice(count // 6, None)
-    rough = metrics.torque(PERIOD * np.arange(count), motors, part).chattering_nm
+    rough = metric_of_torques('chattering_nm', PERIOD * np.arange(count), motors, first=count // 6)
     return np.sqrt(np.mean(errors[part] ** 2)), rough
 
 

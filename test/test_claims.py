@@ -7,7 +7,7 @@ import re
 import pytest
 
 from parallel_robot.analysis import claims, readable_metrics
-from parallel_robot.analysis.metrics import Errors, Metrics, Torque, Transient
+from parallel_robot.analysis.metrics import TABLE, Metrics, Window
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.bags.run.run_log import TopicCount
 from parallel_robot.cli.command_line import main
@@ -15,12 +15,10 @@ from parallel_robot_model.configuration import config
 
 
 def measured(error, settled, chattering):
-    return Metrics(
-        12.0,
-        Transient(settled, None),
-        Errors(error, error, error, error),
-        Torque(1.0, 1.0, chattering),
-    )
+    values = dict.fromkeys((metric.key for metric in TABLE), math.nan)
+    values |= dict.fromkeys(('xy_rms_m', 'xy_max_m', 'joint_rms_rad', 'sync_rms_rad'), error)
+    values |= {'to_1_mm_s': settled, 'torque_max_nm': 1.0, 'chattering_nm': chattering}
+    return Metrics(values, 12.0, Window(6.0, 12.0, 12.0))
 
 
 AS_CLAIMED = {
@@ -69,7 +67,7 @@ def test_a_metric_that_is_not_defined_verifies_nothing():
         (0.0, '0.000'), (2.98, '2.980'), (84.0, '84.00'), (1.0 / 3.0, '0.3333'),
         (1108.2, '1108'), (9999.6, '10000'), (12345.6, '12350'), (1.5e7, '1.500e+07'),
         (0.04, '0.04000'), (2e-6, '2.000e-06'), (-3.5, '-3.500'),
-        (None, 'never'), (math.inf, 'never'),
+        (math.inf, 'never'),
     ],
 )  # fmt: skip
 def test_all_values_have_four_digits(value, text):

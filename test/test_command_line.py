@@ -12,7 +12,7 @@ from assembly import simulated
 from bags import full_disk, motion_of
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.readable_metrics import EFFORT, STEADY, TORQUE
+from parallel_robot.analysis.metrics import TABLE
 from parallel_robot.analysis.report import figures, runs
 from parallel_robot.bags.experiment import software
 from parallel_robot.bags.run import bag_difference, recording
@@ -162,7 +162,7 @@ def test_simulate_ends_with_the_metrics_of_analyze(words, tmp_path, capsys):
     assert main(shlex.split(following)[2:]) == 0
     first, *lines = capsys.readouterr().out.splitlines()
     assert head == first
-    told = len(STEADY + TORQUE + EFFORT)
+    told = len([one for one in TABLE if one.short and one.group != 'transient'])
     told += 3 if words else 0  # what is seen of the end effector
     metrics_of_bag = [re.sub(r'  +', ' ', line.strip()) for line in lines[:told]]
     assert '; '.join(line.strip() for line in brief) == '; '.join(metrics_of_bag)

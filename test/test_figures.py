@@ -8,7 +8,7 @@ from bags import motion_of, streams, write_foreign
 from geometry import PAPER_START, legs
 from matplotlib.figure import Figure
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.analysis.report import figures
 from parallel_robot.bags.run import recording
 
@@ -57,7 +57,7 @@ def test_there_is_a_curve_for_each_joint(count, planar, log, tmp_path, monkeypat
     )
     pose = metrics.Poses(other.position, other.reference_position, planar)
     if planar:
-        pose = metrics.poses(log)
+        pose = recorded_motions.poses_of_log(log)
     found = drawn(monkeypatch)
     figures.draw_run(other, motion_of(other, pose), tmp_path / 'run.png')
     panels = {axes.get_title('left') or axes.get_title(): axes for axes in found[0].axes}
@@ -110,7 +110,7 @@ def test_runs_are_drawn_over_one_another(log, monkeypatch):
 
 def test_errors_are_drawn_in_the_units_of_their_axes(log):
     log = log._replace(position=log.position + np.array([1e-5, 0.0, -2e-5]))
-    motion = motion_of(log, metrics.poses(log))
+    motion = motion_of(log, recorded_motions.poses_of_log(log))
     error = log.reference_position - log.position
     errors = {
         'End-effector error': ('[µm]', (motion.poses.reference - motion.poses.actual)[:, :2]),

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
+from bags import metric_of_torques
 
-from parallel_robot.analysis import metrics
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.ideal_torque import between_points, torque_of
@@ -78,8 +78,12 @@ def test_between_points_a_polynomial_of_degree_5_is_itself_and_a_few_points_do()
     assert smooth[:, 0] == pytest.approx(np.sin(wanted[20:-20]), abs=1e-8)
 
 
+def chattering_of(torque):
+    return metric_of_torques('chattering_nm', TIME, torque)
+
+
 def excess(torque, ideal):
-    return metrics.excess_chattering(TIME, torque, ideal)
+    return metric_of_torques('excess_chattering_nm', TIME, torque, ideal)
 
 
 def test_what_cancels_a_disturbance_is_no_excess_and_noise_is():
@@ -87,12 +91,12 @@ def test_what_cancels_a_disturbance_is_no_excess_and_noise_is():
     time = TIME[:, np.newaxis]
     sine = np.sin(2.0 * np.pi * 40.0 * time) * [1.0, 0.0, 0.2]
     noise = 0.1 * chance.standard_normal((COUNT + 1, 3))
-    chattering = metrics.torque(TIME, sine).chattering_nm
-    assert chattering > 0.3 and metrics.torque(TIME, noise).chattering_nm > 0.09
+    chattering = chattering_of(sine)
+    assert chattering > 0.3 and chattering_of(noise) > 0.09
     assert excess(sine, sine) == pytest.approx(0.0, abs=1e-12)
     assert excess(0.4 * sine + 5.0, sine) == pytest.approx(0.0, abs=1e-12)  # does a part of it
     assert excess(0.0 * sine, sine) == 0.0  # does nothing about it
-    noisy = metrics.torque(TIME, noise).chattering_nm
+    noisy = chattering_of(noise)
     assert excess(noise, 0.0 * sine) == noisy
     assert excess(sine + noise, sine) == pytest.approx(noisy, rel=1e-3)
     assert excess(2.0 * sine, sine) == pytest.approx(chattering)  # too much
@@ -111,5 +115,5 @@ def test_a_sine_on_an_axis_that_is_cancelled_leaves_no_excess():
     }  # fmt: skip
     ideal = torque_of(of('axes_step', **changes))
     sine = 0.7 * np.sin(2.0 * np.pi * 30.0 * (TIME - 0.5 * PERIOD))[:, np.newaxis] * np.ones(5)
-    assert metrics.torque(TIME, sine).chattering_nm > 0.2
-    assert metrics.excess_chattering(TIME, sine, ideal, slice(COUNT // 2, None)) < 1e-9
+    assert chattering_of(sine) > 0.2
+    assert metric_of_torques('excess_chattering_nm', TIME, sine, ideal, COUNT // 2) < 1e-9

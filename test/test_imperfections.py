@@ -8,7 +8,6 @@ from scipy import stats
 from sensor_msgs.msg import JointState
 
 from parallel_robot.analysis import metrics, recorded_motions
-from parallel_robot.analysis.readable_metrics import STEADY
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.python import notebook
@@ -359,7 +358,7 @@ def test_studies_and_bags_measure_the_true_motion(tmp_path, capsys):
     half = slice(len(made.pose) // 2, None)
     error = (made.pose - simulate(configuration).reference.pose)[half, :2]
     rms = np.sqrt((error**2).sum(axis=1).mean())
-    assert outcome.metrics.steady.xy_rms_m == pytest.approx(rms, rel=1e-6)
+    assert outcome.metrics['xy_rms_m'] == pytest.approx(rms, rel=1e-6)
     bag = str(tmp_path / 'bag')
     words = ['--duration', '1', '--law', 'computed_torque', '--set', 'sensor.delay=0.005']
     assert main(['simulate', 'paper_circle', *words, '--out', bag]) == 0
@@ -379,7 +378,7 @@ def test_a_bag_that_is_not_of_its_plant_tells_what_is_seen_alone(tmp_path):
     np.testing.assert_array_equal(good.motions.true.position, run.simulation.run.joints)
     other = recorded_motions.of_bag(log._replace(command=0.9 * log.command), past)
     assert other.motions.true is None and 'does not tell the true motion' in other.remark
-    assert np.isnan(STEADY[3].value(metrics.figures(other.motions)))
+    assert np.isnan(metrics.named('joint_rms_rad')[0].of(metrics.figures(other.motions)))
     unknown = recorded_motions.of_bag(log, past._replace(facts={}))
     assert unknown.motions.true is None and 'not known' in unknown.remark
 

@@ -5,12 +5,13 @@ import pytest
 from assembly import simulated
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.monitor import Monitor, MonitorParameters
+from parallel_robot.analysis.monitor import OF_TOPICS, Monitor, MonitorParameters
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import robot_of
+from parallel_robot_sim.motions import Motion, Poses
 
 START = 10**9  # ns
 MS = 10**6  # ns
@@ -49,12 +50,11 @@ def expected(setup, rows):
     reference, run = simulation.reference.position[rows], simulation.run.position[rows]
     robot = robot_of(values)
     guess = simulation.reference.pose[rows][0]
-    pose = metrics.Poses(poses_of(robot, run, guess), poses_of(robot, reference, guess))
+    pose = Poses(poses_of(robot, run, guess), poses_of(robot, reference, guess))
     time = np.arange(len(run)) * 1e-3
-    return [
-        *metrics.errors(metrics.distances(pose), reference - run)[:4],
-        *metrics.torque(time, simulation.run.effort[rows]),
-    ]
+    moved = Motion(time, run, reference, simulation.run.effort[rows], pose)
+    found = metrics.evaluate(moved, all_of_it=True)
+    return [found[key] for key in OF_TOPICS]
 
 
 def test_metrics_are_those_of_the_window_ten_times_a_second(setup):

@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 from assembly import simulated
-from bags import streams, write_foreign
+from bags import motion_of, streams, write_foreign
 from geometry import PAPER_START, legs, wrap
 
 from parallel_robot.analysis import metrics
-from parallel_robot.analysis.monitor import WindowMetrics
+from parallel_robot.analysis.monitor import OF_TOPICS, WindowMetrics
 from parallel_robot.analysis.monitor_node import LINKS
 from parallel_robot.bags.run import recording
 from parallel_robot_model.configuration import config
@@ -29,9 +29,8 @@ def test_it_publishes_what_analyze_says_of_a_bag(launch, peer, tmp_path):
     )
     write_foreign(tmp_path / 'bag', messages)
     log = recording.read(tmp_path / 'bag').log
-    pose = metrics.poses(log)
-    errors = metrics.errors(metrics.distances(pose), log.reference_position - log.position)
-    expected = [*errors[:4], *metrics.torque(log.time, log.effort)]
+    found = metrics.evaluate(motion_of(log), all_of_it=True)
+    expected = [found[key] for key in OF_TOPICS]
 
     process = launch('parallel_robot.analysis.monitor_node')
     heard = [

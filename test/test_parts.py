@@ -126,15 +126,12 @@ def test_metrics_of_parts_are_those_of_the_run(changes):
 
 def flat(found):
     """All numbers of metrics, by their place."""
-    numbers = {}
-    for name, value in found._asdict().items():
-        if hasattr(value, '_asdict'):
-            numbers |= {f'{name}.{key}': number for key, number in flat(value).items()}
-        elif isinstance(value, tuple):
-            numbers |= {f'{name}.{k}': number for k, number in enumerate(value)}
-        elif not isinstance(value, str):
-            numbers[name] = np.nan if value is None else value
-    return numbers
+    own = {**found.values, **found.window._asdict(), 'duration_s': found.duration_s}
+    falls = own.pop('unsettled') or ()
+    own |= {f'unsettled.{k}': number for k, number in enumerate(falls)}
+    seen = {} if found.seen is None else flat(found.seen)
+    own |= {f'seen.{key}': number for key, number in seen.items()}
+    return {key: np.nan if number is None else number for key, number in own.items()}
 
 
 def test_what_a_kill_leaves_can_be_recovered(tmp_path, monkeypatch):

@@ -11,7 +11,7 @@ from assembly import simulated as simulate
 from bags import JOINTS, MS, START, WRITERS, content, motion_of, streams, write_foreign
 from mcap.writer import Writer
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis import metrics, recorded_motions
 from parallel_robot.bags.run import recording, run_log, run_messages
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
@@ -65,7 +65,9 @@ def test_joints_that_look_like_degrees_are_told(record):
     )
     assert not run_messages.beyond(degrees, JointUnits((True,) * 3))
     with pytest.raises(KinematicsError, match=r'turns: joint_states are in radians; degrees\?'):
-        metrics.poses(log._replace(reference_position=np.array([[82.2, 188.1, -30.7]])))
+        recorded_motions.poses_of_log(
+            log._replace(reference_position=np.array([[82.2, 188.1, -30.7]]))
+        )
 
 
 def test_a_joint_with_the_wrong_sign_is_told(record):
@@ -363,7 +365,7 @@ def test_references_of_another_clock_are_none(record):
     log = record(found)
     assert not log.referenced.any() and 'are 5 s behind those of joint_states' in log.warnings[0]
     with pytest.raises(KinematicsError, match='no state has a reference of its time'):
-        metrics.with_poses(log)
+        recorded_motions.with_poses(log)
 
 
 def test_states_are_put_in_the_order_of_their_stamps(record):

@@ -1,5 +1,7 @@
 """Units of joints: what is said of hinges in rad and N m is said of slides in m and N."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from parallel_robot.analysis import metrics
 from parallel_robot.analysis.readable_metrics import as_data, whole
 from parallel_robot.analysis.table import fields_of
 from parallel_robot.studies.sweep.results import ERRORS, OTHERS
-from parallel_robot.studies.sweep.store import METRICS
+from parallel_robot.studies.sweep.store import COLUMNS
 from parallel_robot_model.common.units import BOTH, HINGES, PRISMATIC, JointUnits, all_of
 from parallel_robot_model.robots.registry import resolve, units_of
 from parallel_robot_sim.motions import Motion, Motions, Poses
@@ -81,7 +83,7 @@ def test_metrics_have_the_units_of_the_joints():
 
 def test_a_rotation_error_is_an_angle_with_slides_too():
     found = metrics.figures(still(PRISMATIC))
-    turned = found._replace(steady=found.steady._replace(rotation_rms_rad=2e-3))
+    turned = replace(found, values=found.values | {'rotation_rms_rad': 2e-3})
     assert as_data(turned)['steady']['rotation_rms_rad'] == 2e-3
     (row,) = [row for row in whole(turned).rows if 'rotation error' in row[0]]
     assert row[1:] == ('2000.000', 'µrad')
@@ -89,9 +91,9 @@ def test_a_rotation_error_is_an_angle_with_slides_too():
 
 def test_every_figure_of_a_sweep_has_its_column_in_any_unit():
     for units in (HINGES, PRISMATIC, BOTH):
-        names = {units.key(name) for name in METRICS}
-        assert len(names) == len(METRICS)
-        assert {each.told(units).column for each in (*ERRORS, *OTHERS)} <= names
+        names = {units.key(name) for name in COLUMNS}
+        assert len(names) == len(COLUMNS)
+        assert {each.in_units(units).key for each in (*ERRORS, *OTHERS)} <= names
 
 
 def test_a_hexapod_has_slides_and_a_delta_has_hinges():

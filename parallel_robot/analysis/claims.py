@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
-from parallel_robot.analysis.metrics import Metrics
-
-Value = Callable[[Metrics], float]
+from parallel_robot.analysis.metrics import Metric, Metrics, named
 
 SCENARIOS = ('paper_circle', 'paper_line')  # the paper's
 
@@ -19,9 +17,17 @@ class Claim(NamedTuple):
     text: str  # what the paper says
     better: str  # the law that is said to be better
     others: tuple[str, ...]  # the laws it is said to be better than
-    value: Value  # function that gives the metric that is compared; smaller is better
-    unit: str  # unit of the value as it is printed
-    scale: float  # factor from SI to that unit
+    metric: str  # key of the metric that is compared
+
+    @property
+    def unit(self) -> str:
+        """Unit of the metric as it is printed."""
+        return self.row.unit
+
+    @property
+    def row(self) -> Metric:
+        """The metric."""
+        return named(self.metric)[0]
 
 
 class Verdict(NamedTuple):
@@ -32,27 +38,18 @@ class Verdict(NamedTuple):
     values: dict[str, float]  # law to value, in the unit of the claim
 
 
-def _time(metrics: Metrics) -> float:
-    settled = metrics.transient.to_1_mm_s
-    return math.inf if settled is None else settled
-
-
 OTHERS = ('smc', 's_smc', 'nftsmc')
-# The metric of a claim, its unit and the factor to that from SI.
-ERROR: tuple[Value, str, float] = (lambda metrics: metrics.steady.xy_rms_m, 'µm', 1e6)
-TIME: tuple[Value, str, float] = (_time, 's', 1.0)
-APART: tuple[Value, str, float] = (lambda metrics: metrics.steady.sync_rms_rad, 'µrad', 1e6)
-ROUGH: tuple[Value, str, float] = (lambda metrics: metrics.torque.chattering_nm, 'N m', 1.0)
+ERROR, TIME, APART, ROUGH = 'xy_rms_m', 'to_1_mm_s', 'sync_rms_rad', 'chattering_nm'
 FASTER = 'NFTSMC converges faster than SMC and S-SMC (to 1 mm)'
 CLAIMS = (
-    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), *ERROR),
-    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), *ERROR),
-    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), *ERROR),
-    Claim(FASTER, 'nftsmc', ('smc', 's_smc'), *TIME),
-    Claim('S-FOTSMC tracks best of the four', 's_fotsmc', OTHERS, *ERROR),
-    Claim('S-FOTSMC converges fastest of the four (to 1 mm)', 's_fotsmc', OTHERS, *TIME),
-    Claim('S-FOTSMC synchronises the joints best of the four', 's_fotsmc', OTHERS, *APART),
-    Claim('NFTSMC still chatters, S-FOTSMC does not', 's_fotsmc', ('nftsmc',), *ROUGH),
+    Claim('S-SMC tracks better than SMC', 's_smc', ('smc',), ERROR),
+    Claim('NFTSMC tracks better than SMC', 'nftsmc', ('smc',), ERROR),
+    Claim('NFTSMC tracks better than S-SMC', 'nftsmc', ('s_smc',), ERROR),
+    Claim(FASTER, 'nftsmc', ('smc', 's_smc'), TIME),
+    Claim('S-FOTSMC tracks best of the four', 's_fotsmc', OTHERS, ERROR),
+    Claim('S-FOTSMC converges fastest of the four (to 1 mm)', 's_fotsmc', OTHERS, TIME),
+    Claim('S-FOTSMC synchronises the joints best of the four', 's_fotsmc', OTHERS, APART),
+    Claim('NFTSMC still chatters, S-FOTSMC does not', 's_fotsmc', ('nftsmc',), ROUGH),
 )
 
 
@@ -67,7 +64,7 @@ def verify(scenario: str, results: Mapping[str, Metrics]) -> list[Verdict]:
     for claim in CLAIMS if scenario in SCENARIOS else ():
         laws = (claim.better, *claim.others)
         if all(law in results for law in laws):
-            values = {law: claim.scale * claim.value(results[law]) for law in laws}
+            values = {law: claim.row.printed(results[law]) for law in laws}
             if any(math.isnan(value) for value in values.values()):
                 continue  # not defined for the robot of the runs
             ahead = all(values[claim.better] < values[law] for law in claim.others)

@@ -15,14 +15,12 @@ from parallel_robot.analysis import metrics, recorded_motions, run_results, timi
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.recorded_motions import PlantWindows
 from parallel_robot.analysis.run_results import MotionAlone
-from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it, joined
-from parallel_robot.analysis.thinned import Series, Track
+from parallel_robot.analysis.thinned import WINDOW, Series, Track, long_path, thinned
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.analysis.windows import Course, MotionWindows
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.history import History
-from parallel_robot.bags.messages.message_arrays import LAST
 from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
@@ -30,18 +28,15 @@ from parallel_robot.bags.run.run_log import RunLog, with_acting_commands
 from parallel_robot.bags.run.run_windows import Stretch
 from parallel_robot_model.common.errors import (
     BagError,
-    InputError,
     KinematicsError,
     WholeNeededError,
 )
-from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, RECORDED, Topic
 from parallel_robot_sim.motions import Motion, Motions
 from parallel_robot_sim.simulation import saturation_of
 
 SMALL = 16_000_000  # bytes of a bag that is read as a whole without a look at its index
 LONG = 120.0  # s; a bag that is longer is read in windows
-WINDOW = 20.0  # s, that are read at once
 SHORTEST = 10  # states of a stretch of which there are figures
 
 
@@ -192,44 +187,8 @@ def of_stretches(motions: Motions, parts: Sequence[Stretch]) -> Iterator[PartFig
             yield PartFigures(one, metrics.figures(part), float(part.best.time[-1]))
 
 
-class _Job:
-    """A part of a run whose metrics are wanted, until the plan for it was right."""
-
-    def __init__(self, begin: float, end: float, asked: bool, plan: Plan) -> None:
-        self.begin, self.end, self._asked, self._plan = begin, end, asked, plan
-        self._running: RunningFigures | None = None
-        self.found: Metrics | None = None
-        self.count, self.last, self.settled = 0, math.nan, False
-
-    def add(self, motions: Motions) -> None:
-        """Take the next part of the run."""
-        time = motions.best.time
-        if self.settled or time[-1] < self.begin or (self._running is None and self.found):
-            return
-        if self._running is None:
-            self._running = RunningFigures(self.begin, self.end, self._asked, self._plan)
-        self._running.add(motions)
-        if time[-1] >= self.end:
-            self._finish()
-
-    def end_of_bag(self) -> None:
-        """The run is over."""
-        if self._running is not None:
-            self._finish()
-        self.settled |= self.found is None
-        if not self.settled:
-            self.found = None
-
-    def _finish(self) -> None:
-        assert self._running is not None
-        self.found, plan = self._running.finish()
-        self.count, self.last = self._running.count, self._running.last
-        self.settled = plan == self._plan
-        self._plan, self._running = plan, None
-
-
 class _LongBag:
-    """A bag that is read in windows: once if it is as expected, else again with what is known."""
+    """A bag that is read in windows, its motion into columns."""
 
     def __init__(
         self,
@@ -255,30 +214,20 @@ class _LongBag:
     ) -> EvaluatedBag | MotionAlone:
         """All its figures; `moved`: whether its plant may move once more."""
         self._moved = moved and self.moves_again
-        course = Course(self._part, self._past, self._count)
-        whole, parts = self._jobs()
-        self._read([whole, *parts], course, warn)
+        course = Course(self._part, self._past)
+        self._read(course, warn)
         if not course.referenced:
             if not self._motion_only:
                 raise WholeNeededError(f'{self._bag} has no reference')
             course.check(self._bag)
             return course.alone
-        while not all(job.settled for job in (whole, *parts)):
-            self._read([whole, *parts])
-        asked = self._part != (None, None)
-        if asked:
+        if self._part != (None, None):
             course.check(self._bag)
-        if whole.found is None:
-            raise InputError(metrics.nothing_between(whole.begin, whole.end, *course.followed))
-        begin, end = course.followed
-        window = whole.found.window._replace(run_s=end - begin)
+        motions = course.motions()
+        best = motions.best
+        found = metrics.figures(motions, *self._part)
         log, config = course.log, self._config
         known = run_windows.stretches(self._past, self._law, self._start, course.last)
-        figures = [
-            PartFigures(one, job.found, job.last)
-            for one, job in zip(known, parts, strict=False)
-            if job.found is not None and job.count >= SHORTEST
-        ]
         told = saturation_of(config, course.saturated, course.samples)
         counts = course.messages
         ordered = {each.name: counts[each.name] for each in RECORDED if each.name in counts}
@@ -286,23 +235,19 @@ class _LongBag:
             log._replace(messages=ordered),
             self._past,
             course.timing.finish(),
-            whole.found._replace(window=window),
-            course.motion(),
-            course.path(),
-            self.at,
+            found,
+            thinned(best),
+            long_path(best),
+            lambda times: best.rows(_rows(best, times)),
             course.samples,
             course.coupling(),
             course.cut,
             known,
-            figures,
+            [*of_stretches(motions, known)],
             course.last,
             [*filter(None, [course.remark]), *told],
             bool(told),
         )
-
-    def _motions(self, ideal: bool = True) -> MotionWindows:
-        plant = PlantWindows(self._bag, self._config, self._past) if self._moved else None
-        return MotionWindows(self._count, plant, ideal)
 
     def _windows(self) -> Iterator[Recording]:
         return recorded_robot.chunks(
@@ -314,78 +259,23 @@ class _LongBag:
             motion_only=self._motion_only,
         )
 
-    def _read(
-        self,
-        jobs: Sequence[_Job],
-        course: Course | None = None,
-        warn: Callable[[str], None] = lambda _: None,
-    ) -> None:
-        """Go through the windows once."""
-        motions = self._motions()
+    def _read(self, course: Course, warn: Callable[[str], None]) -> None:
+        """Go through the windows."""
+        plant = PlantWindows(self._bag, self._config, self._past) if self._moved else None
+        motions = MotionWindows(self._count, plant)
         windows, self._opened = self._opened or self._windows(), None
         for found in windows:
-            if course is not None:
-                course.add(self._bag, found)
+            course.add(self._bag, found)
             try:
                 part = motions.of(found)
             except KinematicsError as error:
                 raise BagError(f'{self._bag}: {error}') from None
-            if part is None:
-                continue
-            for job in jobs:
-                job.add(part.motions)
-            if course is not None:
+            if part is not None:
                 course.follow(part)
         motions.check()
-        for job in jobs:
-            job.end_of_bag()
-        if course is not None:
-            for warning in course.warnings:
-                warn(warning)
-            course.cut = motions.cut
-            if motions.cut:
-                warn(motions.cut)
-
-    def at(self, times: np.ndarray) -> Motion:
-        """Samples at times; the bag is read once more."""
-        motions, found, done = self._motions(ideal=False), [], 0
-        best: Motion | None = None
-        for window in self._windows():
-            part = motions.of(window)
-            if part is not None:
-                best = part.motions.best
-                stop = int(np.searchsorted(times, best.time[-1], side='right'))
-                found.append(best.rows(_rows(best, times[done:stop])))
-                done = stop
-        assert best is not None
-        return joined([*found, best.rows(_rows(best, times[done:]))])
-
-    def _jobs(self) -> tuple[_Job, list[_Job]]:
-        """The figures of all of it, and of its stretches."""
-        period = loop_of(self._config).period
-        parts = run_windows.stretches(self._past, self._law, self._start, LAST)
-        begins = [one.begin for one in parts]
-        ends = [*begins[1:], math.inf]
-        jobs = [
-            _Job(begin, end, False, self._plan(begin, end, period))
-            for begin, end in zip(begins, ends, strict=True)
-            if len(parts) > 1
-        ]
-        start, stop = self._part
-        if (start, stop) == (None, None):
-            return _Job(-math.inf, math.inf, False, self._plan(-math.inf, math.inf, period)), jobs
-        begin = -math.inf if start is None else start
-        end = math.inf if stop is None else float(np.nextafter(stop, math.inf))
-        return _Job(begin, end, True, Plan()), jobs
-
-    def _plan(self, begin: float, end: float, period: float) -> Plan:
-        """The plan for a part that moves all the time, of a run that lacks nothing."""
-        first, stop = (
-            math.ceil(min(max(time / period - 1e-6, 0.0), self._count)) for time in (begin, end)
-        )
-        halves = all_of_it(stop - first)
-        both = recorded_motions.two_motions(self._config, self._past, self._moved)
-        return Plan(math.inf, *(halves if one else None for one in both))
+        course.cut = motions.cut
+        for warning in filter(None, [*course.warnings, motions.cut]):
+            warn(warning)
 
 
 def _rows(motion: Motion, times: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics, recorded_motions
+from parallel_robot.analysis import recorded_motions
 from parallel_robot.analysis.monitor import posture_of
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages.message_types import channel_of
@@ -163,7 +163,7 @@ class Frames:
             if not log.referenced.any() and left is not None:
                 continue
             try:
-                _, poses, cut = metrics.with_poses(log, left=left)
+                _, poses, cut = recorded_motions.with_poses(log, left=left)
             except KinematicsError:
                 if left is None:
                     raise

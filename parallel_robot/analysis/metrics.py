@@ -1,77 +1,335 @@
-"""Metrics of a run: pure functions of its arrays."""
+"""Metrics of a run: one table, from which texts, JSON, columns and measures are read."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog, head, with_reference
-from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.common.errors import InputError, KinematicsError
+from parallel_robot.bags.run.run_log import ReferenceMoves
+from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.ring import synchronisation_error
-from parallel_robot_model.common.units import HINGES, JointUnits
+from parallel_robot_model.common.units import HINGES, Array, JointUnits
 from parallel_robot_model.robots.contract import angles_between
-from parallel_robot_model.robots.registry import is_known, robot_of
-from parallel_robot_sim.motions import LastPoses, Motion, Motions, poses_of
+from parallel_robot_sim.motions import Motion, Motions
 from parallel_robot_sim.motions import Poses as Poses
 
 TRUE: Literal['true'] = 'true'
 SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
-FALLS = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
+UNSETTLED = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
 SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
+BLOCK = 1 << 17  # samples that are evaluated at once
 
 
-class Errors(NamedTuple):
-    """Tracking errors over a part of a run."""
+class Block:
+    """Consecutive samples of a motion; quantities have one row for each of them."""
 
-    # root mean square distance of the end effector from its reference [m]; NaN for a robot
-    # whose pose is not a place
-    xy_rms_m: float
-    xy_max_m: float  # largest distance [m]; NaN for such a robot
-    joint_rms_rad: float  # root mean square joint error over all joints [rad]
-    sync_rms_rad: float  # root mean square synchronisation error over all joints [rad]
-    # root mean square angle by which the end effector is turned from its reference [rad];
-    # NaN where no rotation is a part of the pose
-    rotation_rms_rad: float = math.nan
-    rotation_max_rad: float = math.nan  # largest such angle [rad]
+    def __init__(self, part: MotionPart, rows: slice) -> None:
+        around = slice(max(rows.start - part.half - 1, 0), rows.stop + part.half)
+        self._half, self._around = part.half, part.motion.rows(around)
+        self._ideal = None if part.ideal is None else part.ideal[around]
+        self._rows = slice(rows.start - around.start, rows.stop - around.start)
+
+    @cached_property
+    def motion(self) -> Motion:
+        """The samples."""
+        return self._around.rows(self._rows)
+
+    @cached_property
+    def error(self) -> Array:
+        """Errors of the joints [rad], shape (N, n)."""
+        return self.motion.reference_position - self.motion.position
+
+    @cached_property
+    def synchronisation_error(self) -> Array:
+        """Synchronisation errors of the joints [rad], shape (N, n)."""
+        return synchronisation_error(self.error)
+
+    @cached_property
+    def distance(self) -> Array:
+        """Distance of the end effector from its reference [m], shape (N,); NaN without a place."""
+        return distances(self.motion.poses)
+
+    @cached_property
+    def rotation(self) -> Array:
+        """Angle of the end effector to its reference [rad], shape (N,); NaN without one."""
+        return rotation_errors(self.motion.poses)
+
+    @cached_property
+    def torque_steps(self) -> Array:
+        """Changes of the torque to these samples from those before [N m], shape (N, n)."""
+        since = max(self._rows.start - 1, 0)
+        return np.diff(self._around.effort[since : self._rows.stop], axis=0)
+
+    @cached_property
+    def work(self) -> Array:
+        """|torque x change of position| of each motor [J], shape (N, n)."""
+        position = self._around.position
+        return np.abs(self._around.effort * np.diff(position, axis=0, prepend=position[:1]))[
+            self._rows
+        ]
+
+    @cached_property
+    def chattering(self) -> Array:
+        """Torque minus its moving mean over SMOOTH [N m], shape (N, n)."""
+        return high_pass(self._around.effort, self._half)[self._rows]
+
+    @cached_property
+    def ideal_chattering(self) -> Array:
+        """The same of the ideal torque, which has to be known."""
+        assert self._ideal is not None
+        return high_pass(self._ideal, self._half)[self._rows]
 
 
-class Torque(NamedTuple):
-    """Motor torques over a whole motion."""
+class MotionPart:
+    """A motion and its window: the part of which most metrics are."""
 
-    max_nm: float  # largest absolute torque of any joint [N m]
-    # sum over the joints of |change of torque|, per second [N m/s]
-    total_variation_nm_per_s: float
-    # root mean square, over all joints and the window, of the torque minus its moving mean
-    # over SMOOTH [N m]; NaN of samples too far apart for one
-    chattering_nm: float
+    def __init__(self, motion: Motion, ideal: Array | None = None, first: int = 0) -> None:
+        """Prepare.
+
+        Args:
+            motion: The motion.
+            ideal: The ideal torque of each of its samples, see ideal_torque.py [N m],
+                shape (N, n); None where it is not known.
+            first: Number of the first sample of the window, which goes to the end.
+        """
+        self.motion, self.ideal, self.first = motion, ideal, first
+        self.half = smooth_over(motion.time[:BLOCK])  # samples on each side of a moving mean
+        self._blocks: dict[tuple[int, int], Block] = {}
+
+    def blocks(self, first: int | None = None, stop: int | None = None) -> Iterator[Block]:
+        """The samples from `first` (None: of the window) up to `stop` (None: to the end)."""
+        begin = self.first if first is None else first
+        stop = len(self.motion.time) if stop is None else stop
+        for start in range(begin, stop, BLOCK):
+            rows = start, min(start + BLOCK, stop)
+            if rows not in self._blocks:
+                if len(self._blocks) > 1:  # of a motion that is longer, none is kept for long
+                    self._blocks.pop(next(iter(self._blocks)))
+                self._blocks[rows] = Block(self, slice(*rows))
+            yield self._blocks[rows]
+
+    def rms(
+        self, of: Callable[[Block], Array], first: int | None = None, stop: int | None = None
+    ) -> float:
+        """Root mean square of a quantity over some samples, see :meth:`blocks`."""
+        sums = [
+            (float(np.sum(of(block) ** 2)), of(block).size) for block in self.blocks(first, stop)
+        ]
+        squares, counts = zip(*sums, strict=True)
+        return math.sqrt(math.fsum(squares) / sum(counts))
+
+    def total(self, of: Callable[[Block], Array], first: int | None = None) -> float:
+        """Sum of a quantity."""
+        return math.fsum(float(of(block).sum()) for block in self.blocks(first))
+
+    def largest(self, of: Callable[[Block], Array], first: int | None = None) -> float:
+        """Largest value of a quantity; NaN if one of them is."""
+        return float(np.max([of(block).max() for block in self.blocks(first)]))
 
 
-class Effort(NamedTuple):
-    """What the motors are put to over the window."""
+Value = Callable[[MotionPart], float | None]
 
-    torque_rms_nm: float = math.nan  # root mean square torque over all joints [N m]
-    # mechanical work of all motors, braking as dear as driving: the sum over the joints of
-    # the integral of |torque x rate| [J]. The torque is constant over a period, so that is
+
+class Metric(NamedTuple):
+    """One metric; smaller is better.
+
+    Its key, names and unit are those of hinges: ``metric.in_units(found.units)`` has those of a
+    run's.
+    """
+
+    key: str  # in JSON, where it stands in its group, without the name of that; in other tables
+    name: str  # full name
+    unit: str  # unit as it is printed
+    group: str  # of JSON
+    value: Value  # None for a state never reached, NaN where it is not defined; in SI units
+    short: str = ''  # heading of a narrow column; empty: only JSON has it
+    # heading of a narrow column with the metric of what is seen, where that is another motion
+    seen_short: str = ''
+    seen: bool = False  # whether it is of what is seen: NaN where that is the true motion
+
+    @property
+    def scale(self) -> float:
+        """Factor from SI units to the printed unit."""
+        return 1e6 if self.unit.startswith('µ') else 1.0
+
+    @property
+    def of_motion(self) -> bool:
+        """Whether it differs between the true motion and what is seen of it."""
+        return self.group in ('transient', 'steady') or bool(self.seen_short)
+
+    def as_seen(self) -> Metric:
+        """The same of what is seen."""
+        key, name = f'seen_{self.key}', f'seen {self.name}'
+        return self._replace(key=key, name=name, short=self.seen_short, seen=True)
+
+    def in_units(self, units: JointUnits) -> Metric:
+        """The same of joints of some units; a rotation is an angle with all of them."""
+        rotation = ROTATION in self.name
+        return self._replace(
+            key=self.key if rotation else units.key(self.key),
+            name=units.label(self.name),
+            short=units.label(self.short),
+            unit=self.unit if rotation else units.of(self.unit),
+        )
+
+    def of(self, found: Metrics) -> float:
+        """Its value in a run in SI units; infinite if never reached, NaN if not defined."""
+        key = self.key.removeprefix('seen_')
+        value = found[key]
+        if self.seen:
+            if found.seen is None or (found.source == TRUE and found.seen[key] == value):
+                return math.nan
+            value = found.seen[key]
+        elif self.of_motion and found.source == SEEN:
+            return math.nan
+        return math.inf if value is None else value
+
+    def printed(self, found: Metrics) -> float:
+        """The same in its printed unit."""
+        return self.scale * self.of(found)
+
+
+ROTATION = 'end-effector rotation error'
+
+
+def _excess_chattering(part: MotionPart) -> float:
+    """Root mean square of the chattering that does not help [N m]; NaN without ideal torque.
+
+    A torque that cancels a disturbance changes as quickly as the disturbance; that is no fault.
+    Of what the torque differs from its moving mean, as much of that of the ideal torque is taken
+    away for each joint as leaves least, from none of it to all of it:
+
+        min_s rms(high_pass(torque) - s high_pass(ideal)),    0 <= s <= 1
+
+    The chattering of the difference, s = 1, would call it effort when a law does nothing about a
+    disturbance; a difference of two chatterings would let noise take the place of what a law does
+    not cancel. With s, noise counts in full, a torque that does nothing not at all, and a torque
+    that comes too late as far as it is out of phase.
+    """
+    if part.ideal is None:
+        return math.nan
+    most = sum(np.sum(block.ideal_chattering**2, axis=0) for block in part.blocks())
+    alike = sum(
+        np.sum(block.chattering * block.ideal_chattering, axis=0) for block in part.blocks()
+    )
+    share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
+    return part.rms(lambda block: block.chattering - share * block.ideal_chattering)
+
+
+def _settled(bound: float) -> Value:
+    """Time from which on the distance stays below `bound` [m] to the end, for BELOW or more [s].
+
+    None if it does not, NaN of NaN.
+    """
+
+    def settling_time(part: MotionPart) -> float | None:
+        time, first, start = part.motion.time, 0, 0
+        for block in part.blocks(0):
+            if np.isnan(block.distance).any():
+                return math.nan
+            above = np.flatnonzero(block.distance >= bound)
+            if above.size:
+                first = start + int(above[-1]) + 1
+            start += len(block.distance)
+        if not first:
+            return 0.0
+        stays = first < len(time) and time[-1] - time[first] >= BELOW - 1e-9
+        return float(time[first] - time[0]) if stays else None
+
+    return settling_time
+
+
+def _variation(part: MotionPart) -> float:
+    """Sum over the joints of |change of torque|, per second [N m/s]."""
+    duration = float(part.motion.time[-1] - part.motion.time[0])
+    return part.total(lambda block: np.abs(block.torque_steps), 0) / duration if duration else 0.0
+
+
+TABLE = (
+    # time after which the distance stays below a bound, for BELOW or more
+    Metric('to_1_mm_s', 'time to 1 mm', 's', 'transient', _settled(1e-3), 'to 1 mm', 'seen 1 mm'),
+    Metric(
+        'to_0_1_mm_s', 'time to 0.1 mm', 's', 'transient', _settled(1e-4), 'to 0.1 mm', 'seen 0.1'
+    ),
+    # distance of the end effector from its reference
+    Metric(
+        'xy_rms_m', 'end-effector error, rms', 'µm', 'steady',
+        lambda part: part.rms(lambda block: block.distance), 'rms', 'seen rms',
+    ),
+    Metric(
+        'xy_max_m', 'end-effector error, max', 'µm', 'steady',
+        lambda part: part.largest(lambda block: block.distance), 'max', 'seen max',
+    ),
+    # angle by which the end effector is turned from its reference
+    Metric(
+        'rotation_rms_rad', f'{ROTATION}, rms', 'µrad', 'steady',
+        lambda part: part.rms(lambda block: block.rotation), 'rot rms', 'seen rot',
+    ),
+    Metric(
+        'rotation_max_rad', f'{ROTATION}, max', 'µrad', 'steady',
+        lambda part: part.largest(lambda block: block.rotation),
+    ),
+    # over all joints
+    Metric(
+        'joint_rms_rad', 'joint error, rms', 'µrad', 'steady',
+        lambda part: part.rms(lambda block: block.error), 'joint rms', 'seen joint',
+    ),
+    Metric(
+        'sync_rms_rad', 'synchronisation error, rms', 'µrad', 'steady',
+        lambda part: part.rms(lambda block: block.synchronisation_error), 'sync rms', 'seen sync',
+    ),
+    Metric(
+        'torque_max_nm', 'torque, max (whole run)', 'N m', 'torque',
+        lambda part: part.largest(lambda block: np.abs(block.motion.effort), 0), 'torque',
+    ),
+    Metric(
+        'torque_total_variation_nm_per_s', 'torque, total variation', 'N m/s', 'torque',
+        _variation, 'variation',
+    ),
+    Metric(
+        'chattering_nm', 'torque, chattering', 'N m', 'torque',
+        lambda part: part.rms(lambda block: block.chattering), 'chatter',
+    ),
+    Metric(
+        'torque_rms_nm', 'torque, rms', 'N m', 'effort',
+        lambda part: part.rms(lambda block: block.motion.effort), 'torque rms',
+    ),
+    # mechanical work of all motors, braking as dear as driving: the sum over the joints of the
+    # integral of |torque x rate|. The torque is constant over a period, so that is
     # |torque x change of the position|, summed
-    energy_j: float = math.nan
-    # chattering that does not help to hold the robot on its reference, see
-    # :func:`excess_chattering` [N m]; NaN where the ideal torque is not known
-    excess_chattering_nm: float = math.nan
+    Metric(
+        'energy_j', 'energy', 'J', 'effort',
+        lambda part: part.total(lambda block: block.work), 'energy', 'seen J',
+    ),
+    Metric(
+        'excess_chattering_nm', 'excess chattering', 'N m', 'effort', _excess_chattering, 'excess'
+    ),
+)  # fmt: skip
+# All that tables have, those of what is seen behind those of the true motion.
+METRICS = (
+    *(metric for metric in TABLE if metric.short),
+    *(metric.as_seen() for metric in TABLE if metric.seen_short),
+)
 
 
-class Transient(NamedTuple):
-    """How fast the end effector reaches its reference and stays there."""
+def named(*keys: str) -> list[Metric]:
+    """Metrics by their keys.
 
-    # time after which the distance stays below 1 mm, for BELOW or more [s]; None if never,
-    # NaN for a robot whose pose is not a place
-    to_1_mm_s: float | None
-    to_0_1_mm_s: float | None  # the same for 0.1 mm [s]
+    Raises:
+        UnknownNameError: there is no such metric.
+    """
+    known = {metric.key: metric for metric in METRICS}
+    for key in keys:
+        if key not in known:
+            raise UnknownNameError('metric', key, known)
+    return [known[key] for key in keys]
 
 
 class Window(NamedTuple):
@@ -83,108 +341,47 @@ class Window(NamedTuple):
     # whether somebody asked for this part; then all metrics are of it alone. Else it is the
     # second half of the motion: from the first time at which the reference moves to that
     # from which on it rests for good
-    asked: bool = False
+    requested: bool = False
     rests: bool = False  # whether the reference rests before or after the motion
     # root mean square joint errors of its halves [rad], where the second is much less: the
     # robot had not settled; None where it had
-    falls: tuple[float, float] | None = None
+    unsettled: tuple[float, float] | None = None
 
 
-class Metrics(NamedTuple):
-    """All metrics of a run, of its motion: without what follows where that has come to rest."""
+@dataclass(frozen=True)
+class Metrics:
+    """All metrics of a run, of its motion: without what follows where that has come to rest.
 
+    ``found['xy_rms_m']`` is one of them, in SI units; None for a state never reached, NaN where
+    it is not defined.
+    """
+
+    values: dict[str, float | None]  # of the rows of TABLE, by key
     duration_s: float  # duration of the motion [s]
-    transient: Transient  # how fast the end effector reaches its reference
-    steady: Errors  # tracking errors
-    torque: Torque  # torques of the motors
-    effort: Effort = Effort()  # what the motors are put to
-    # TRUE: of the true motion; SEEN: of what sensors and nominal robot show
-    source: Literal['true', 'seen'] = TRUE
-    seen: Metrics | None = None  # those of what is seen; None where all that is seen is true
     # over which part errors, chattering and effort are taken
-    window: Window = Window(math.nan, math.nan, math.nan)
+    window: Window
     # units of the joints: what is said to be in rad and N m is in m and N of slides
     units: JointUnits = HINGES
+    # TRUE: of the true motion; SEEN: of what sensors and nominal robot show
+    source: Literal['true', 'seen'] = TRUE
+    # those of what is seen; None where all that is seen is true
+    seen: Metrics | None = field(default=None, repr=False)
+
+    def __getitem__(self, key: str) -> float | None:
+        """One of them by its key, that of hinges or that in the units of the joints.
+
+        Raises:
+            UnknownNameError: there is no such metric.
+        """
+        if key in self.values:
+            return self.values[key]
+        own = {self.units.key(name): name for name in self.values}
+        if key not in own:
+            raise UnknownNameError('metric', key, own)
+        return self.values[own[key]]
 
 
-Value = Callable[[Metrics], float | None]
-
-
-def of_true(value: Value) -> Value:
-    """A metric of the true motion: NaN where all that is known is what was seen."""
-    return lambda m: math.nan if m.source == SEEN else value(m)
-
-
-def of_seen(value: Value) -> Value:
-    """A metric of what is seen: NaN where it is that of the true motion."""
-
-    def seen(m: Metrics) -> float | None:
-        if m.seen is None or (m.source == TRUE and value(m.seen) == value(m)):
-            return math.nan
-        return value(m.seen)
-
-    return seen
-
-
-def poses(log: RunLog, true: bool = False, left: LastPoses | None = None) -> Poses:
-    """Poses of the measured and of the desired joints; the latter by the nominal robot.
-
-    Those of a robot that is not known here are NaN, as many numbers as it has joints.
-
-    Args:
-        log: The run.
-        true: Whether the measured joints are those of the true robot, else of the nominal one.
-        left: Where the poses of the part of the run before were left; None: it is the first part.
-
-    Raises:
-        InputError: the robot of the log's configuration cannot be built.
-        KinematicsError: a sample has no pose in the assembly mode of the scenario.
-    """
-    if not is_known(log.config):
-        nowhere = np.full_like(log.position, np.nan)
-        return Poses(nowhere, nowhere, place=0)
-    nominal, guess = nominal_of(log.config)
-    actual = robot_of(log.config, 'true_robot') if true else nominal
-    return poses_of(nominal, actual, guess, log.reference_position, log.position, left)
-
-
-def with_poses(
-    log: RunLog, true: bool = False, left: LastPoses | None = None
-) -> tuple[RunLog, Poses, str]:
-    """The run up to the first sample that has no pose, without states that have no reference.
-
-    Arguments as of :func:`poses`.
-
-    Returns:
-        The run, its poses, and why it was cut off; empty when it was not.
-
-    Raises:
-        KinematicsError: not even the first sample has a pose, or none has a reference of its time.
-    """
-    log = with_reference(log)
-    if not len(log.time):
-        raise KinematicsError('no state has a reference of its time')
-    try:
-        return log, poses(log, true, left), ''
-    except KinematicsError as error:
-        reason = str(error)
-    good, bad = 0, len(log.time)
-    while bad - good > 1:
-        middle = (good + bad) // 2
-        try:
-            poses(head(log, middle), true, left)
-            good = middle
-        except KinematicsError:
-            bad = middle
-    part = head(log, max(good, 1))
-    return part, poses(part, true, left), f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
-
-
-def figures(
-    motions: Motions,
-    start: float | None = None,
-    stop: float | None = None,
-) -> Metrics:
+def figures(motions: Motions, start: float | None = None, stop: float | None = None) -> Metrics:
     """Compute the metrics of a run: of its true motion, and of what is seen of it.
 
     Where the true motion is not known, all metrics are of what is seen. A motion that has come
@@ -198,25 +395,22 @@ def figures(
     Raises:
         InputError: there is none of the run between `start` and `stop`.
     """
-    whole, asked = motions.best, start is not None or stop is not None
-    end = None if asked else rest(whole)
-    if asked or end is not None:
+    whole, requested = motions.best, start is not None or stop is not None
+    end = None if requested else reference_moves(whole).rest
+    if requested or end is not None:
         first = -math.inf if start is None else start
         last = stop if end is None else end
         motions = _between(motions, first, math.inf if last is None else last)
-    found = Metrics(*_figures(motions, asked))
-    run = float(whole.time[-1] - whole.time[0])
-    rests = found.window.rests or end is not None
-    return found._replace(window=found.window._replace(run_s=run, asked=asked, rests=rests))
-
-
-def _figures(motions: Motions, asked: bool) -> Metrics:
-    seen = None if motions.seen is None else evaluate(motions.seen, all_of_it=asked)
+    seen = None if motions.seen is None else evaluate(motions.seen, all_of_it=requested)
     if motions.true is None:
         assert seen is not None
-        return seen._replace(source=SEEN, seen=seen)
-    found = evaluate(motions.true, motions.ideal, asked)
-    return found._replace(seen=seen)
+        found = replace(seen, source=SEEN, seen=seen)
+    else:
+        found = replace(evaluate(motions.true, motions.ideal, requested), seen=seen)
+    run = float(whole.time[-1] - whole.time[0])
+    rests = found.window.rests or end is not None
+    window = found.window._replace(run_s=run, requested=requested, rests=rests)
+    return replace(found, window=window)
 
 
 def _between(motions: Motions, first: float, last: float) -> Motions:
@@ -224,84 +418,74 @@ def _between(motions: Motions, first: float, last: float) -> Motions:
     end, time = np.nextafter(last, math.inf), motions.best.time
     part = motions.between(first, end)
     if not first < last or not len(part.best.time):
-        raise InputError(nothing_between(first, last, time[0], time[-1]))
+        raise InputError(
+            f'the run is from {time[0]:g} to {time[-1]:g} s; there is no part of it from '
+            f'{max(first, time[0]):g} to {min(last, time[-1]):g} s'
+        )
     if part.seen is not None and not len(part.seen.time):
         part = part._replace(seen=None)
     return part
 
 
-def nothing_between(first: float, last: float, begin: float, end: float) -> str:
-    """That a run from `begin` to `end` has no part between two times [s], in words."""
-    return (
-        f'the run is from {begin:g} to {end:g} s; there is no part of it from '
-        f'{max(first, begin):g} to {min(last, end):g} s'
-    )
-
-
-def rest(motion: Motion) -> float | None:
-    """Time from which on the reference of a run rests to the end [s]; None where it moves on."""
-    return _moves(motion).rest
-
-
-def _moves(motion: Motion) -> ReferenceMoves:
-    """Where the reference of a motion moves."""
-    moves = ReferenceMoves()
-    moves.add(motion.time, motion.reference_position)
-    return moves
-
-
-def _falls(motion: Motion, part: slice) -> tuple[float, float] | None:
-    """Errors of the halves of a part of a run [rad], where it had not settled; else None."""
-    speeds = np.abs(np.diff(motion.reference_position, axis=0)).max(axis=1, initial=0.0)
-    if speeds.size and speeds[-1] < SLOW * speeds.max():
-        return None  # errors fall with the speed
-    error = (motion.reference_position - motion.position)[part]
-    before, after = (_rms(half) if len(half) else 0.0 for half in np.array_split(error, 2))
-    return (before, after) if before > FALLS * after > 0.0 else None
-
-
-def evaluate(motion: Motion, ideal: np.ndarray | None = None, all_of_it: bool = False) -> Metrics:
-    """Compute the metrics of a run.
+def evaluate(motion: Motion, ideal: Array | None = None, all_of_it: bool = False) -> Metrics:
+    """Compute the metrics of a motion.
 
     Args:
-        motion: The run.
+        motion: The motion.
         ideal: The ideal torque of each of its samples, see ideal_torque.py [N m], shape (N, n);
             None where it is not known.
         all_of_it: Whether the window is all of it, else the second half of its motion.
     """
-    first = 0 if all_of_it else _moves(motion).first
-    half = slice(0 if all_of_it else (first + len(motion.time)) // 2, None)
-    times = motion.time[half]
-    distance = distances(motion.poses)
-    return Metrics(
-        float(motion.time[-1] - motion.time[0]),
-        Transient(_settled(motion.time, distance, 1e-3), _settled(motion.time, distance, 1e-4)),
-        errors(
-            distance[half],
-            (motion.reference_position - motion.position)[half],
-            rotation_errors(motion.poses)[half],
-        ),
-        torque(motion.time, motion.effort, half),
-        effort(motion, half, ideal),
-        window=Window(
-            float(times[0]),
-            float(times[-1]),
-            float(motion.time[-1] - motion.time[0]),
-            rests=first > 0,
-            falls=None if all_of_it else _falls(motion, half),
-        ),
-        units=motion.poses.units,
+    time = motion.time
+    begin = 0 if all_of_it else reference_moves(motion).first
+    part = MotionPart(motion, ideal, 0 if all_of_it else (begin + len(time)) // 2)
+    values = {metric.key: metric.value(part) for metric in TABLE}
+    length = float(time[-1] - time[0])
+    window = Window(
+        float(time[part.first]),
+        float(time[-1]),
+        length,
+        rests=begin > 0,
+        unsettled=None if all_of_it else _unsettled(part),
     )
+    return Metrics(values, length, window, motion.poses.units)
 
 
-def distances(pose: Poses) -> np.ndarray:
+def reference_moves(motion: Motion) -> ReferenceMoves:
+    """Where the reference of a motion moves."""
+    moves = ReferenceMoves()
+    for start in range(0, len(motion.time), BLOCK):
+        rows = slice(start, start + BLOCK)
+        moves.add(motion.time[rows], motion.reference_position[rows])
+    return moves
+
+
+def _unsettled(part: MotionPart) -> tuple[float, float] | None:
+    """Errors of the halves of a window [rad], where the robot had not settled; else None."""
+    fastest, last = 0.0, math.nan
+    for block in part.blocks(0):
+        steps = np.diff(block.motion.reference_position, axis=0)
+        if len(steps):
+            speeds = np.abs(steps).max(axis=1, initial=0.0)
+            fastest, last = max(fastest, float(speeds.max())), float(speeds[-1])
+    if last < SLOW * fastest:
+        return None  # errors fall with the speed
+    count = len(part.motion.time)
+    middle = part.first + (count - part.first + 1) // 2
+    before = part.rms(lambda block: block.error, part.first, middle)
+    after = part.rms(lambda block: block.error, middle) if middle < count else 0.0
+    return (before, after) if before > UNSETTLED * after > 0.0 else None
+
+
+def distances(pose: Poses) -> Array:
     """Distance of the end effector from its reference [m], shape (N,); NaN without a place."""
     if not pose.place:
         return np.full(len(pose.actual), np.nan)
-    return np.linalg.norm((pose.actual - pose.reference)[:, : pose.place], axis=1)
+    distance: Array = np.linalg.norm((pose.actual - pose.reference)[:, : pose.place], axis=1)
+    return distance
 
 
-def rotation_errors(pose: Poses) -> np.ndarray:
+def rotation_errors(pose: Poses) -> Array:
     """Angle by which the end effector is turned from its reference, in [0, pi] [rad], shape (N,).
 
     In a plane the difference of phi, in space the angle of the rotation from one to the other; NaN
@@ -313,95 +497,7 @@ def rotation_errors(pose: Poses) -> np.ndarray:
     return angles_between(pose.actual, pose.reference, pose.rotation_components)
 
 
-def errors(distance: np.ndarray, error: np.ndarray, rotation: np.ndarray | None = None) -> Errors:
-    """Compute the tracking errors over all samples given.
-
-    Args:
-        distance: Distance of the end effector from its reference [m], shape (N,).
-        error: Error of the joints [rad], shape (N, n).
-        rotation: See :func:`rotation_errors` [rad], shape (N,); None or NaN: none.
-    """
-    found = Errors(
-        _rms(distance), float(distance.max()), _rms(error), _rms(synchronisation_error(error))
-    )
-    if rotation is None or np.isnan(rotation).any():
-        return found
-    return found._replace(rotation_rms_rad=_rms(rotation), rotation_max_rad=float(rotation.max()))
-
-
-def torque(time: np.ndarray, effort: np.ndarray, part: slice = slice(None)) -> Torque:
-    """Compute the metrics of the torque.
-
-    Args:
-        time: Time of the samples [s], shape (N,).
-        effort: Torques [N m], shape (N, n).
-        part: The samples over which chattering is measured.
-    """
-    duration = float(time[-1] - time[0])
-    variation = float(np.abs(np.diff(effort, axis=0)).sum())
-    return Torque(
-        float(np.abs(effort).max()),
-        variation / duration if duration else 0.0,
-        _rms(rough(effort, smooth_over(time))[part]),
-    )
-
-
-def effort(motion: Motion, part: slice = slice(None), ideal: np.ndarray | None = None) -> Effort:
-    """Compute the effort of a run over a part of its samples; arguments as of :func:`evaluate`."""
-    moved = np.diff(motion.position, axis=0, prepend=motion.position[:1])
-    excess = math.nan
-    if ideal is not None:
-        excess = excess_chattering(motion.time, motion.effort, ideal, part)
-    work = float(np.abs(motion.effort * moved)[part].sum())
-    return Effort(_rms(motion.effort[part]), work, excess)
-
-
-def excess_chattering(
-    time: np.ndarray, effort: np.ndarray, ideal: np.ndarray, part: slice = slice(None)
-) -> float:
-    """Root mean square of the chattering that does not help [N m].
-
-    A torque that cancels a disturbance changes as quickly as the disturbance; that is no fault.
-    Of what the torque differs from its moving mean, as much of that of the ideal torque is taken
-    away for each joint as leaves least, from none of it to all of it:
-
-        min_s rms(rough(torque) - s rough(ideal)),    0 <= s <= 1
-
-    The chattering of the difference, s = 1, would call it effort when a law does nothing about a
-    disturbance; a difference of two chatterings would let noise take the place of what a law does
-    not cancel. With s, noise counts in full, a torque that does nothing not at all, and a torque
-    that comes too late as far as it is out of phase.
-
-    Args:
-        time: Time of the samples [s], shape (N,).
-        effort: Torques [N m], shape (N, n).
-        ideal: Torques that hold the robot on its reference [N m], shape (N, n).
-        part: The samples over which it is measured.
-    """
-    half = smooth_over(time)
-    found, useful = rough(effort, half)[part], rough(ideal, half)[part]
-    most = np.sum(useful**2, axis=0)
-    alike = np.sum(found * useful, axis=0)
-    share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
-    return _rms(found - share * useful)
-
-
-def _settled(time: np.ndarray, distance: np.ndarray, bound: float) -> float | None:
-    """Time from which the distance stays below `bound` to the end, for BELOW or more [s].
-
-    None if it does not, NaN of NaN.
-    """
-    if np.isnan(distance).any():
-        return math.nan
-    above = np.flatnonzero(distance >= bound)
-    if not above.size:
-        return 0.0
-    first = above[-1] + 1
-    stays = first < len(time) and time[-1] - time[first] >= BELOW - 1e-9
-    return float(time[first] - time[0]) if stays else None
-
-
-def smooth_over(time: np.ndarray) -> int:
+def smooth_over(time: Array) -> int:
     """Samples on each side of a moving mean over SMOOTH; `time` of samples [s], shape (N,)."""
     return samples_beside(float(np.median(np.diff(time)))) if len(time) > 1 else 1
 
@@ -411,7 +507,7 @@ def samples_beside(period: float) -> int:
     return round(0.5 * SMOOTH / period)
 
 
-def rough(torque: np.ndarray, half: int) -> np.ndarray:
+def high_pass(torque: Array, half: int) -> Array:
     """Torques minus their moving mean over so many samples on each side, shape (N, n).
 
     NaN without a sample on each side: what changes between the samples is not known then.
@@ -423,7 +519,3 @@ def rough(torque: np.ndarray, half: int) -> np.ndarray:
     for k in range(2 * half + 1):  # not by np.convolve, whose last bits are the processor's
         total += longer[k : k + len(torque)]
     return torque - total / (2 * half + 1)
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))

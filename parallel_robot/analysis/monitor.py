@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import metrics
+from parallel_robot.analysis.metrics import MotionPart, named
 from parallel_robot.bags.run.matching import reference_at
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import KinematicsError
@@ -22,6 +22,7 @@ from parallel_robot_model.messages.topics import DEPTH, MARKERS_EVERY
 from parallel_robot_model.robots.poses import poses_of
 from parallel_robot_model.robots.registry import RobotModel
 from parallel_robot_model.robots.tree import angles_of, beside_of, links_of, needs_pose, urdf
+from parallel_robot_sim.motions import Motion, Poses
 
 PERIOD = NANOSECONDS // 10  # ns of motion between two sets of metrics
 OLDEST = NANOSECONDS // 10  # ns, largest age of a reference that is still used
@@ -40,23 +41,35 @@ class WindowMetrics(NamedTuple):
     of one whose pose is a place is NaN while a sample of the window has no pose.
     """
 
-    # root mean square distance of the end effector from its reference [m]
     platform_error_rms: float
-    platform_error_max: float  # largest distance [m]
-    joint_error_rms: float  # root mean square joint error over all joints [rad]
-    synchronisation_error_rms: float  # the same for the synchronisation error [rad]
-    torque_max: float  # largest absolute torque [N m]
-    torque_variation: float  # sum over the joints of |change of torque|, per second [N m/s]
-    torque_chattering: float  # root mean square of the torque minus its moving mean [N m]
+    platform_error_max: float
+    joint_error_rms: float
+    synchronisation_error_rms: float
+    torque_max: float
+    torque_variation: float
+    torque_chattering: float
+
+
+OF_TOPICS = (  # metrics of TABLE that they are
+    'xy_rms_m',
+    'xy_max_m',
+    'joint_rms_rad',
+    'sync_rms_rad',
+    'torque_max_nm',
+    'torque_total_variation_nm_per_s',
+    'chattering_nm',
+)
 
 
 class _Window(NamedTuple):
-    """Samples in order: stamps [ns], distances [m], joint errors [rad], torques [N m]."""
+    """Samples in order."""
 
-    stamps: np.ndarray
-    distance: np.ndarray
-    error: np.ndarray
-    effort: np.ndarray
+    stamps: np.ndarray  # [ns], shape (N,)
+    position: np.ndarray  # actuated joints [rad], shape (N, n)
+    desired: np.ndarray  # [rad], shape (N, n)
+    effort: np.ndarray  # torques [N m], shape (N, n)
+    pose: np.ndarray  # of the joints, NaN where there is none, shape (N, m)
+    desired_pose: np.ndarray  # shape (N, m)
 
 
 class Monitor:
@@ -122,8 +135,8 @@ class Monitor:
     def _begin(self) -> None:
         self._guess = self._first_guess
         self._states: list[tuple[int, np.ndarray, np.ndarray]] = []
-        rows = np.empty((0, self._joints))
-        self._window = _Window(np.empty(0, dtype=np.int64), np.empty(0), rows, rows)
+        rows, poses = np.empty((0, self._joints)), np.empty((0, len(self._guess)))
+        self._window = _Window(np.empty(0, dtype=np.int64), rows, rows, rows, poses, poses)
 
     def _evaluate(self) -> WindowMetrics | None:
         """Metrics of the window, after new samples have moved into it."""
@@ -138,9 +151,10 @@ class Monitor:
         )
         if len(self._window.stamps) < 2:
             return None
-        time = self._window.stamps / NANOSECONDS
-        errors = metrics.errors(self._window.distance, self._window.error)
-        return WindowMetrics(*errors[:4], *metrics.torque(time, self._window.effort))
+        stamps, position, desired, effort, pose, desired_pose = self._window
+        poses = Poses(pose, desired_pose, self._robot.place)
+        part = MotionPart(Motion(stamps / NANOSECONDS, position, desired, effort, poses))
+        return WindowMetrics._make(metric.value(part) for metric in named(*OF_TOPICS))
 
     def _new_samples(self) -> _Window:
         """Samples since the last metrics that have a recent reference."""
@@ -154,19 +168,20 @@ class Monitor:
         desired, _, _ = reference_at(stamps, known, *motion)
         while len(self._references) > 1 and self._references[1][0] <= stamps[-1]:
             self._references.popleft()
-        return _Window(stamps, self._distances(position, desired), desired - position, effort)
+        return _Window(stamps, position, desired, effort, *self._poses(position, desired))
 
-    def _distances(self, position: np.ndarray, desired: np.ndarray) -> np.ndarray:
-        """Distances of the end effector [m]; NaN where there is no pose or no distance."""
+    def _poses(self, position: np.ndarray, desired: np.ndarray) -> tuple[Array, Array]:
+        """Poses of the joints, and of the desired ones; NaN where there are none or no place."""
+        nowhere = np.full((len(position), len(self._first_guess)), math.nan)
         if not self._planar:
-            return np.full(len(position), math.nan)
+            return nowhere, nowhere
         try:
             reference = poses_of(self._robot, desired, self._guess)
             actual = poses_of(self._robot, position, reference[0])
         except KinematicsError:
-            return np.full(len(position), math.nan)
+            return nowhere, nowhere
         self._guess = reference[-1]
-        return metrics.distances(metrics.Poses(actual, reference, self._robot.place))
+        return actual, reference
 
 
 def _has_recent(references: list[int], stamp: int) -> bool:

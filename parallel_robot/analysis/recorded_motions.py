@@ -9,17 +9,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.analysis import metrics
 from parallel_robot.bags.experiment import SIMULATION
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.run.run_log import RunLog, TopicCount, head, with_reference
 from parallel_robot_control.configuration import nominal_of
-from parallel_robot_model.common.errors import ParallelRobotError, WholeNeededError
+from parallel_robot_model.common.errors import (
+    KinematicsError,
+    ParallelRobotError,
+    WholeNeededError,
+)
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration.fields import corrected
 from parallel_robot_model.messages.topics import COMMANDS, REFERENCE
-from parallel_robot_model.robots.registry import robot_of
+from parallel_robot_model.robots.registry import is_known, robot_of
 from parallel_robot_sim import plant_replay
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import along
@@ -162,6 +165,61 @@ class Recorded(NamedTuple):
         return best.poses.actual[np.minimum(rows, len(best.time) - 1)]
 
 
+def poses_of_log(log: RunLog, true: bool = False, left: LastPoses | None = None) -> Poses:
+    """Poses of the measured and of the desired joints; the latter by the nominal robot.
+
+    Those of a robot that is not known here are NaN, as many numbers as it has joints.
+
+    Args:
+        log: The run.
+        true: Whether the measured joints are those of the true robot, else of the nominal one.
+        left: Where the poses of the part of the run before were left; None: it is the first part.
+
+    Raises:
+        InputError: the robot of the log's configuration cannot be built.
+        KinematicsError: a sample has no pose in the assembly mode of the scenario.
+    """
+    if not is_known(log.config):
+        nowhere = np.full_like(log.position, np.nan)
+        return Poses(nowhere, nowhere, place=0)
+    nominal, guess = nominal_of(log.config)
+    actual = robot_of(log.config, 'true_robot') if true else nominal
+    return poses_of(nominal, actual, guess, log.reference_position, log.position, left)
+
+
+def with_poses(
+    log: RunLog, true: bool = False, left: LastPoses | None = None
+) -> tuple[RunLog, Poses, str]:
+    """The run up to the first sample that has no pose, without states that have no reference.
+
+    Arguments as of :func:`poses_of_log`.
+
+    Returns:
+        The run, its poses, and why it was cut off; empty when it was not.
+
+    Raises:
+        KinematicsError: not even the first sample has a pose, or none has a reference of its time.
+    """
+    log = with_reference(log)
+    if not len(log.time):
+        raise KinematicsError('no state has a reference of its time')
+    try:
+        return log, poses_of_log(log, true, left), ''
+    except KinematicsError as error:
+        reason = str(error)
+    good, bad = 0, len(log.time)
+    while bad - good > 1:
+        middle = (good + bad) // 2
+        try:
+            poses_of_log(head(log, middle), true, left)
+            good = middle
+        except KinematicsError:
+            bad = middle
+    part = head(log, max(good, 1))
+    cut = f'evaluated up to t = {part.time[-1]:.3f} s: {reason}'
+    return part, poses_of_log(part, true, left), cut
+
+
 def of_bag(log: RunLog, past: History) -> Recorded:
     """Find the motions of a bag.
 
@@ -237,7 +295,7 @@ def _of_bag(
     plant: PlantWindows | None = None,
 ) -> Recorded:
     """The motions of a bag, or of its next part, without the ideal torque."""
-    taken, poses, cut = metrics.with_poses(
+    taken, poses, cut = with_poses(
         log._replace(position=corrected(log.config, log.position)), left=left.seen
     )
     seen = Motion(taken.time, taken.position, taken.reference_position, taken.effort, poses)
@@ -251,7 +309,7 @@ def _of_bag(
     if not hidden:
         if robot_of(log.config) == robot_of(log.config, 'true_robot'):
             return Recorded(part, poses, Motions(seen, None), cut, '', saturated)
-        true = seen._replace(poses=metrics.poses(part, True, left.true))
+        true = seen._replace(poses=poses_of_log(part, True, left.true))
         return Recorded(part, poses, Motions(true, seen), cut, '', saturated)
     if plant is not None:
         return Recorded(part, poses, Motions(plant.of(log), seen), cut, '', saturated)

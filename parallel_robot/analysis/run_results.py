@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,20 +13,18 @@ import numpy as np
 from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
-from parallel_robot.analysis.running_metrics import Plan, RunningFigures, all_of_it
 from parallel_robot.analysis.thinned import Curves, Series
 from parallel_robot.analysis.timing import Quantiles
+from parallel_robot.bags.columns import MotionColumns
 from parallel_robot.bags.messages.message_arrays import Samples, physical
 from parallel_robot.bags.run import run_log
-from parallel_robot.bags.run.run_log import ReferenceMoves, RunLog
+from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import ParallelRobotError
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_sim.ideal_torque import IdealTorque
-from parallel_robot_sim.motions import MeasuredMotion, SimulatedMotions
+from parallel_robot_sim.motions import SimulatedMotions
 from parallel_robot_sim.simulation import Simulation
-from parallel_robot_sim.timeline import Timeline, timeline_of
-from trajectory_gen.trajectory import Reference
 
 
 def summarise(
@@ -166,12 +164,12 @@ class MotionAlone:
 
 
 class SimulatedFigures:
-    """Those of :func:`metrics.figures` up to rounding, in memory that does not grow."""
+    """Those of :func:`metrics.figures`, in memory that does not grow."""
 
     def __init__(self) -> None:
         self._error: ParallelRobotError | None = None
         self._motions: SimulatedMotions | None = None
-        self._seen = True  # so far
+        self._columns = MotionColumns()
 
     def add(self, part: Simulation) -> None:
         """Take the next part; what has no metrics is told at the end."""
@@ -179,17 +177,10 @@ class SimulatedFigures:
             return
         try:
             if self._motions is None:
-                configuration = part.configuration
-                self._motions = SimulatedMotions(configuration)
-                self._ideal = IdealTorque(configuration.trajectory, configuration)
-                plan = _plan(
-                    part, None if self._motions.measured is None else MeasuredMotion(configuration)
-                )
-                self._figures = RunningFigures(-math.inf, math.inf, False, plan)
+                self._motions = SimulatedMotions(part.configuration)
+                self._ideal = IdealTorque(part.configuration.trajectory, part.configuration)
             stop = part.first + part.run.steps
-            motions = self._motions.of(part, self._ideal.between(part.first, stop))
-            self._seen &= motions.seen is not None
-            self._figures.add(motions)
+            self._columns.add(self._motions.of(part, self._ideal.between(part.first, stop)))
         except ParallelRobotError as error:
             self._error = error
 
@@ -201,40 +192,7 @@ class SimulatedFigures:
         """
         if self._error is not None:
             raise self._error
-        found, _ = self._figures.finish()
-        return found if self._seen else found._replace(seen=None)
-
-
-def _plan(part: Simulation, told: MeasuredMotion | None) -> Plan:
-    """Where the windows of a run are, as its desired motion says."""
-    period = part.experiment.loop.period_ns
-    whole = ReferenceMoves()
-    for first, reference, _ in _planned(part):
-        whole.add(_times(first, len(reference.position), period), reference.position)
-    end = math.inf if whole.rest is None else whole.rest
-    true, seen = ReferenceMoves(end), ReferenceMoves(end)
-    for first, reference, timeline in _planned(part):
-        time, wanted = _times(first, len(reference.position), period), reference.position
-        true.add(time, wanted)
-        if told is not None:
-            _, time, wanted = told.reference(timeline, reference, first)
-        seen.add(time, wanted)
-    return Plan(end, *(all_of_it(moves.rows, moves.first) for moves in (true, seen)))
-
-
-def _planned(part: Simulation) -> Iterator[tuple[int, Reference, Timeline]]:
-    """First sample, desired motion and course of all parts of a run, from the first part."""
-    loop, size = part.experiment.loop, len(part.reference.position)
-    yield 0, part.reference, part.timeline
-    for first in range(size, (loop.last_index or 0) + 1, size):
-        stop = min(first + size, (loop.last_index or 0) + 1)
-        reference = part.experiment.trajectory.sample(np.arange(first, stop) * loop.period)
-        yield first, reference, timeline_of(part.experiment.plant, reference, loop.period, first)
-
-
-def _times(first: int, count: int, period_ns: int) -> np.ndarray:
-    """Times of samples [s], as stamps tell them."""
-    return period_ns * (first + np.arange(count)) / NANOSECONDS
+        return metrics.figures(self._columns.motions())
 
 
 # The cross-coupling errors of a bag.

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
-from typing import Generic, NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -79,7 +79,7 @@ STEP = 0.01  # s, between two samples of a path
 FIRST = 1.0  # s, in which the torques are far larger than afterwards: all samples are kept
 PATH = 600.0  # s, of which the path of a long run is drawn
 SHORTEST = 2.0  # s of a part of it
-Part = TypeVar('Part')
+WINDOW = 20.0  # s of a long motion, of which the extremes of a curve are found at once, or more
 
 
 class Series(NamedTuple):
@@ -96,67 +96,27 @@ class Track(NamedTuple):
     poses: Poses  # poses of end effector and reference
 
 
-class Growing(Generic[Part]):
-    """Parts that follow each other, each thinned to its share; of very many, less of each."""
-
-    def __init__(
-        self, thin: Callable[[Part, int], Part], join: Callable[[Sequence[Part]], Part]
-    ) -> None:
-        """Begin empty.
-
-        Args:
-            thin: Keeps the extremes of so many intervals of a part.
-            join: Puts parts together.
-        """
-        self._thin, self._join = thin, join
-        self._parts: list[Part] = []
-        self._each = 1  # how many were put together in each
-        self._last = 1  # the same of the last one
-
-    def add(self, part: Part, share: float) -> None:
-        """Take the next part, which is such a share of the whole."""
-        part = self._thin(part, max(1, round(INTERVALS * share)))
-        if self._last < self._each:
-            self._parts[-1] = self._one([*self._parts[-1:], part])
-            self._last += 1
-        else:
-            self._parts.append(part)
-            self._last = 1
-        if len(self._parts) == 2 * INTERVALS:
-            pairs = (self._parts[k : k + 2] for k in range(0, 2 * INTERVALS, 2))
-            self._parts = [*map(self._one, pairs)]
-            self._each, self._last = 2 * self._each, 2 * self._each
-
-    def _one(self, parts: Sequence[Part]) -> Part:
-        return self._thin(self._join(parts), 1)
-
-    def whole(self) -> Part | None:
-        """All of it; None without parts."""
-        return self._join(self._parts) if self._parts else None
+def windows(time: np.ndarray) -> list[slice]:
+    """Rows of equal times of WINDOW or more, of INTERVALS at most; `time` [s], shape (N,)."""
+    each = max(WINDOW, float(time[-1] - time[0]) / INTERVALS)
+    first, last = (int(end // each) for end in (time[0], time[-1]))
+    bounds = [0, *np.searchsorted(time, each * np.arange(first + 1, last + 1)), len(time)]
+    return [slice(*ends) for ends in pairwise(bounds) if ends[0] < ends[1]]
 
 
-class GrowingTrack:
-    """Parts of a path that is long, evenly spread over it."""
-
-    def __init__(self) -> None:
-        self._parts: list[Track] = []
-        self._due = np.inf  # s, of the next part; the first one is whole
-
-    def add(self, motion: Motion, share: float) -> None:
-        """Take the next part of a motion, which is such a share of the whole."""
-        self._due += PATH * share
-        if self._due >= SHORTEST:
-            self._parts.append(path_of(motion, self._due))
-            self._due = 0.0
-
-    def whole(self) -> Track:
-        """What is kept of it."""
-        times, poses = zip(*self._parts, strict=True)
-        actual, reference = (
-            np.concatenate([getattr(one, name) for one in poses])
-            for name in ('actual', 'reference')
-        )
-        return Track(np.concatenate(times), Poses(actual, reference, *poses[0][2:]))
+def long_path(motion: Motion) -> Track:
+    """Parts of a path that is long, evenly spread over it; the first window is whole."""
+    parts, due = [], np.inf  # s, of the next part
+    for rows in windows(motion.time):
+        due += PATH * (rows.stop - rows.start) / len(motion.time)
+        if due >= SHORTEST:
+            parts.append(path_of(motion.rows(rows), due))
+            due = 0.0
+    times, poses = zip(*parts, strict=True)
+    actual, reference = (
+        np.concatenate([getattr(one, name) for one in poses]) for name in ('actual', 'reference')
+    )
+    return Track(np.concatenate(times), poses[0]._replace(actual=actual, reference=reference))
 
 
 def path_of(motion: Motion, seconds: float) -> Track:
@@ -183,36 +143,35 @@ def path_of(motion: Motion, seconds: float) -> Track:
     )
 
 
-def thinned(motion: Motion, intervals: int) -> Motion:
-    """The samples of a motion at which a curve that is drawn of it has an extreme.
-
-    Args:
-        motion: The motion.
-        intervals: Number of equal intervals, of each of which the extremes are kept.
-    """
-    error = motion.reference_position - motion.position
-    curves = [error, synchronisation_error(error), motion.effort]
-    place = motion.poses.place
-    if place:
-        reference, actual = motion.poses.reference[:, :place], motion.poses.actual[:, :place]
-        curves += [reference, reference - actual, distances(motion.poses)[:, np.newaxis]]
-    if motion.poses.rotation_components:
-        curves.append(rotation_errors(motion.poses)[:, np.newaxis])
-    always = [np.array([0, len(motion.time) - 1]), np.flatnonzero(motion.time <= FIRST)]
-    return motion.rows(np.unique(np.concatenate([*always, *_rows(curves, intervals)])))
+def thinned(motion: Motion) -> Motion:
+    """The samples of a motion at which a curve that is drawn of it has an extreme."""
+    found = [np.flatnonzero(motion.time <= FIRST), np.array([len(motion.time) - 1])]
+    for rows in windows(motion.time):
+        part = motion.rows(rows)
+        error = part.reference_position - part.position
+        curves = [error, synchronisation_error(error), part.effort]
+        place = part.poses.place
+        if place:
+            reference, actual = part.poses.reference[:, :place], part.poses.actual[:, :place]
+            curves += [reference, reference - actual, distances(part.poses)[:, np.newaxis]]
+        if part.poses.rotation_components:
+            curves.append(rotation_errors(part.poses)[:, np.newaxis])
+        found += _extreme_rows(curves, rows, len(motion.time))
+    return motion.rows(np.unique(np.concatenate(found)))
 
 
-def thinned_series(series: Series, intervals: int) -> Series:
-    """The rows of some curves at which one has an extreme; arguments as of :func:`thinned`."""
-    rows = np.unique(np.concatenate(_rows([series.values], intervals)))
-    return Series(series.time[rows], series.values[rows])
+def thinned_series(series: Series) -> Series:
+    """The rows of some curves at which one has an extreme."""
+    time, values = series
+    found = [
+        row for rows in windows(time) for row in _extreme_rows([values[rows]], rows, len(time))
+    ]
+    chosen = np.unique(np.concatenate(found))
+    return Series(time[chosen], values[chosen])
 
 
-def joined_series(parts: Sequence[Series]) -> Series:
-    """Curves that follow each other."""
-    times, values = zip(*parts, strict=True)
-    return Series(np.concatenate(times), np.concatenate(values))
-
-
-def _rows(curves: Sequence[np.ndarray], intervals: int) -> list[np.ndarray]:
-    return [extremes(column, intervals) for values in curves for column in values.T]
+def _extreme_rows(curves: Sequence[np.ndarray], rows: slice, count: int) -> list[np.ndarray]:
+    """The first and last of some rows of a long curve, and those with extremes of curves."""
+    intervals = max(1, round(INTERVALS * (rows.stop - rows.start) / count))
+    ends = np.array([rows.start, rows.stop - 1])
+    return [ends, *(rows.start + extremes(c, intervals) for each in curves for c in each.T)]

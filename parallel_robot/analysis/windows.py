@@ -14,17 +14,9 @@ from numpy.typing import NDArray
 from parallel_robot.analysis import recorded_motions, run_results
 from parallel_robot.analysis.recorded_motions import MOST_STEPS, PLANNED, PlantWindows, Recorded
 from parallel_robot.analysis.run_results import MotionAlone
-from parallel_robot.analysis.running_metrics import joined
-from parallel_robot.analysis.thinned import (
-    Growing,
-    GrowingTrack,
-    Series,
-    Track,
-    joined_series,
-    thinned,
-    thinned_series,
-)
+from parallel_robot.analysis.thinned import Series, thinned_series
 from parallel_robot.analysis.timing import SAME_CLOCK, Quantiles, Timing, acting_commands, counted
+from parallel_robot.bags.columns import Columns, MotionColumns
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import matching, recorded_robot, run_log
@@ -40,7 +32,7 @@ from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.ideal_torque import IdealTorque
 from parallel_robot_sim.imperfections import reported_age
-from parallel_robot_sim.motions import Motion
+from parallel_robot_sim.motions import Motion, Motions
 from parallel_robot_sim.plant import MUJOCO, PlantParameters
 from parallel_robot_sim.simulation import saturated
 from trajectory_gen.configuration import trajectory_of
@@ -235,14 +227,13 @@ def _silent(
 class Course:
     """What is known of a run up to a window, but for its metrics."""
 
-    def __init__(self, part: tuple[float | None, float | None], past: History, count: int) -> None:
-        self._part, self._count = part, count
+    def __init__(self, part: tuple[float | None, float | None], past: History) -> None:
+        self._part = part
         self._known_plant = recorded_motions.of_plant(past)
         self.timing, self.alone = RunningTiming(past), MotionAlone()
         self.messages: dict[str, TopicCount] = {}
         self._warnings = AlikeLines()
-        self._motion, self._path = Growing(thinned, joined), GrowingTrack()
-        self._coupling = Growing(thinned_series, joined_series)
+        self._motions, self._coupling = MotionColumns(), Columns('cross-coupling errors')
         self.referenced = False
         self.saturated = self.samples = self.last = self._inside = 0
         self.times = (math.inf, -math.inf)
@@ -269,7 +260,7 @@ class Course:
         self._inside += len(chosen)
         errors = run_results.cross_coupling_of(log, found.extra.get(CROSS_COUPLING_ERROR))
         if errors is not None:
-            self._coupling.add(errors, len(log.time) / max(self._count, 1))
+            self._coupling.add(errors._asdict())
         if len(chosen):
             inside = log if len(chosen) == len(log.time) else run_log.rows(log, chosen)
             self.alone.add(inside)
@@ -281,27 +272,20 @@ class Course:
         self._known_plant &= not recorded_robot.unknown(part.log.config)
         begin = self.followed[0] if self.samples else float(best.time[0])
         self.followed = begin, float(best.time[-1])
-        share = len(best.time) / max(self._count, 1)
-        self._path.add(best, share)
-        self._motion.add(best, share)
+        self._motions.add(part.motions)
         if self._known_plant:
             self.saturated += int(saturated(part.log.config, part.log.effort).sum())
         self.samples += len(part.log.time)
         self.last, self.remark = int(part.log.stamps[-1]), part.remark
 
-    def motion(self) -> Motion:
-        """What can be seen of the motion."""
-        found = self._motion.whole()
-        assert found is not None
-        return found
-
-    def path(self) -> Track:
-        """What can be seen of its path: that of the first window, and parts of all others."""
-        return self._path.whole()
+    def motions(self) -> Motions:
+        """All of the motions."""
+        return self._motions.motions()
 
     def coupling(self) -> Series | None:
         """What can be seen of the cross-coupling errors; None when they are not in the bag."""
-        return self._coupling.whole()
+        found = self._coupling.arrays()
+        return thinned_series(Series(**found)) if found else None
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -327,15 +311,14 @@ class MotionWindows:
     Of a bag whose states do not tell the true joints, a plant has to move once more.
     """
 
-    def __init__(self, count: int, plant: PlantWindows | None = None, ideal: bool = True) -> None:
+    def __init__(self, count: int, plant: PlantWindows | None = None) -> None:
         """Prepare.
 
         Args:
             count: How many states the bag has, about.
             plant: Tells the true motion, if the states do not.
-            ideal: Whether the ideal torque is wanted.
         """
-        self._count, self._wanted = count, ideal
+        self._count = count
         self._ideal: _Ideal | None = None
         self._motions, self._plant = recorded_motions.InParts(plant), plant
         self._end = math.nan  # s, time of the last state that was followed
@@ -361,7 +344,7 @@ class MotionWindows:
             self.cut = f'evaluated up to t = {self._end:.3f} s: {error}'
             return None
         true = part.motions.true
-        if true is not None and self._wanted:
+        if true is not None:
             self._ideal = self._ideal or _Ideal(log.config, self._count)
             part = part._replace(motions=part.motions._replace(ideal=self._ideal.of(true)))
         self._end, self.cut = float(part.log.time[-1]), part.cut

@@ -14,9 +14,8 @@ import yaml
 
 from parallel_robot.analysis import metrics as evaluation
 from parallel_robot.analysis import readable_metrics, recorded_motions
-from parallel_robot.analysis.metrics import Metrics
+from parallel_robot.analysis.metrics import METRICS, Metrics
 from parallel_robot.analysis.readable_metrics import (
-    METRICS,
     NEVER,
     defined,
     early,
@@ -202,13 +201,11 @@ def save(run: Run, bag: str | Path) -> None:
 
 
 class RunMetrics(ShownResult, Metrics):
-    """Metrics that are shown as a table; the attributes are those of Metrics, in SI units."""
-
-    __slots__ = ()
+    """Metrics that are shown as a table; by their keys they are in SI units."""
 
     def _rows(self) -> list[tuple[str, str, str]]:
-        metrics = (one.told(self.units) for one in defined(METRICS, self))
-        found = [(one, shown(one.value(self))) for one in metrics]
+        metrics = (one.in_units(self.units) for one in defined(METRICS, self))
+        found = [(one, shown(one.printed(self))) for one in metrics]
         return [(one.name, value, one.unit if value != NEVER else '') for one, value in found]
 
     def parts(self) -> list[Part]:
@@ -230,7 +227,7 @@ def metrics(run: Run, *, start: float | None = None, stop: float | None = None) 
 
     >>> import parallel_robot as pr
     >>> found = pr.metrics(pr.simulate('paper_circle', law='smc', duration=2))
-    >>> round(found.torque.max_nm, 2)
+    >>> round(found['torque_max_nm'], 2)
     8.24
 
     Args:
@@ -241,7 +238,7 @@ def metrics(run: Run, *, start: float | None = None, stop: float | None = None) 
     Raises:
         InputError: there is none of the run between `start` and `stop`.
     """
-    return RunMetrics(*evaluation.figures(motions_of(run), start, stop))
+    return RunMetrics(**vars(evaluation.figures(motions_of(run), start, stop)))
 
 
 def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
@@ -267,8 +264,7 @@ def compare(runs: Iterable[Run] | Mapping[str, Run]) -> Frame:
     rows = []
     for run in named.values():
         found = metrics(run)
-        values = {name: of(found) for name, of in store.METRICS.items()}
-        rows.append({'scenario': run.scenario, 'law': run.law, **values})
+        rows.append({'scenario': run.scenario, 'law': run.law, **store.columns_of(found)})
     frame: Frame = pandas().DataFrame(rows, index=list(named))
     return _told(frame, [run.units for run in named.values()])
 
@@ -319,17 +315,17 @@ def grid(
             if run.fault is not None:
                 row |= {'status': 'fault', 'reason': f'{run.fault[1]} at t = {run.fault[0]:.3f} s'}
             found = metrics(run)
-            row |= {name: of(found) for name, of in store.METRICS.items()}
+            row |= store.columns_of(found)
             units.append(found.units)
         rows.append(row)
-    columns = [*choices, 'status', 'reason', *store.METRICS]
+    columns = [*choices, 'status', 'reason', *store.COLUMNS]
     return _told(frames.DataFrame(rows, columns=columns), units)
 
 
 def _told(frame: Frame, units: Iterable[JointUnits]) -> Frame:
     """A frame of metrics, named after the units of the joints of all its runs."""
     key = all_of(units).key
-    return frame.rename(columns={name: key(name) for name in store.METRICS})
+    return frame.rename(columns={name: key(name) for name in store.COLUMNS})
 
 
 def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) -> Picture:

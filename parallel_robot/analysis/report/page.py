@@ -11,7 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis import claims
-from parallel_robot.analysis.readable_metrics import METRICS, defined, shown, window
+from parallel_robot.analysis.metrics import METRICS
+from parallel_robot.analysis.readable_metrics import defined, shown, window
 from parallel_robot.analysis.report.charts import Chart, Curve, Panel, place_of
 from parallel_robot.analysis.report.looks import AUTO, STYLES, law_label
 from parallel_robot.analysis.report.runs import Run
@@ -309,8 +310,8 @@ def _section(
         'runs': runs,
         'metrics': [
             (
-                metric.told(units),
-                _best([metric.value(run.metrics) for run in good]) if alike else '',
+                metric.in_units(units),
+                _best([metric.printed(run.metrics) for run in good]) if alike else '',
             )
             for metric in METRICS
             if any(defined([metric], run.metrics) for run in runs)
@@ -340,16 +341,15 @@ def _timing(run: Run) -> dict[str, str]:
     }
 
 
-def _best(values: Sequence[float | None]) -> str:
+def _best(values: Sequence[float]) -> str:
     """The smallest of several values as it is shown; empty if all are alike, or only one."""
-    known = [value for value in values if value is not None and not math.isnan(value)]
-    texts = {shown(value) for value in values if value is None or not math.isnan(value)}
-    return shown(min(known)) if known and len(texts) > 1 else ''
+    known = [value for value in values if not math.isnan(value)]
+    return shown(min(known)) if len({*map(shown, known)}) > 1 else ''
 
 
-def _cell(value: float | None) -> str:
+def _cell(value: float) -> str:
     """A metric as it is shown; empty where it is not known."""
-    return '' if value is not None and math.isnan(value) else shown(value)
+    return '' if math.isnan(value) else shown(value)
 
 
 def _gains(run: Run) -> dict[str, str]:

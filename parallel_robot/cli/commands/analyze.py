@@ -11,13 +11,8 @@ from typing import Any
 
 from parallel_robot.analysis import evaluated_bag, run_results, timing
 from parallel_robot.analysis.evaluated_bag import PartFigures
-from parallel_robot.analysis.readable_metrics import (
-    AS_SEEN,
-    STEADY,
-    TORQUE,
-    defined,
-    shown,
-)
+from parallel_robot.analysis.metrics import named
+from parallel_robot.analysis.readable_metrics import ERRORS, defined, shown, told
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import add_scale_argument
 from parallel_robot.analysis.run_results import MotionAlone
@@ -73,7 +68,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if isinstance(run, MotionAlone):
         return _without_reference(arguments, run)
     log, past, timed, found = run.log, run.past, run.timing, run.metrics
-    failure = '' if found.window.asked else history.failure(past, log.start_stamp, run.last)
+    failure = '' if found.window.requested else history.failure(past, log.start_stamp, run.last)
     result = run_results.summarise(log, found, timed, failure)
     result['law'] = ', then '.join(run_windows.laws_of(run.parts))
     foreign = log.foreign and not arguments.figure
@@ -122,8 +117,7 @@ def of_stretch(part: PartFigures) -> str:
     """Figures of a stretch of a run, over its second half, as a line."""
     stretch, found, last = part
     texts = [
-        metric.line(found, shown)
-        for metric in defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5], TORQUE[2]), found)
+        told(metric, found, shown) for metric in defined([*ERRORS, *named('chattering_nm')], found)
     ]
     return f'{stretch.begin:g} to {last:g} s, {stretch.law}: {"; ".join(texts)}'
 

@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis import claims, metrics
+from parallel_robot.analysis.metrics import METRICS, Metric
 from parallel_robot.analysis.readable_metrics import (
-    METRICS,
-    TRANSIENT,
-    Metric,
     as_data,
     defined,
     shown,
@@ -125,12 +123,12 @@ def table(
     """
     found = next(iter(results.values()), None)
     units = found.units if found else HINGES
-    columns = [metric.told(units) for metric in defined(METRICS, found)] if found else []
+    columns = [metric.in_units(units) for metric in defined(METRICS, found)] if found else []
     head = f'{scenario}: ' + (_parts(found, columns) if found else 'no figures')
     rows = [
         [law, f'no figures: {failed[law]}']
         if law in failed
-        else [law, *(shown(metric.value(results[law])) for metric in columns)]
+        else [law, *(shown(metric.printed(results[law])) for metric in columns)]
         for law in laws
     ]
     heads = [f'{metric.short}\n[{metric.unit}]' for metric in columns] or ['figures']
@@ -142,9 +140,9 @@ def _parts(found: metrics.Metrics, columns: Collection[Metric]) -> str:
     settling = (
         f'time until the end-effector error stays below a bound, for {metrics.BELOW:g} s or more; '
     )
-    of_all = '' if found.window.asked else '; largest torque and variation over all of it'
+    of_all = '' if found.window.requested else '; largest torque and variation over all of it'
     return (
-        f'{settling if TRANSIENT[0] in columns else ""}'
+        f'{settling if any(each.group == "transient" for each in columns) else ""}'
         f'errors, chattering and effort over {window(found)}{of_all}'
     )
 

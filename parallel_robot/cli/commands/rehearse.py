@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions, timing
-from parallel_robot.analysis.readable_metrics import AS_SEEN, STEADY, defined, shown
+from parallel_robot.analysis.readable_metrics import ERRORS, defined, shown, told
 from parallel_robot.bags import history, output
 from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.limits import TRUSTED
@@ -284,8 +284,7 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
     if name in ('slow', 'fast'):
         motions = recorded_motions.of_bag(log, past).motions
         found = metrics.figures(motions)
-        errors = defined((STEADY[0], STEADY[3], AS_SEEN[2], AS_SEEN[5]), found)
-        texts = [one.line(found, shown) for one in errors]
+        texts = [told(metric, found, shown) for metric in defined(ERRORS, found)]
         yield Finding(True, f'over the second half: {"; ".join(texts)}')
 
 

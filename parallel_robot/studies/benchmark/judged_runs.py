@@ -12,6 +12,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from parallel_robot.analysis.metrics import named
 from parallel_robot.studies.benchmark.protocol import (
     Condition,
     Protocol,
@@ -21,10 +22,17 @@ from parallel_robot.studies.benchmark.protocol import (
     rows,
     search_plan,
 )
-from parallel_robot.studies.benchmark.scores import RunFigures, RunKey, ScoredRun, Store, score
+from parallel_robot.studies.benchmark.scores import (
+    EFFORTS,
+    RunFigures,
+    RunKey,
+    ScoredRun,
+    Store,
+    score,
+)
 from parallel_robot.studies.calm import Calm
+from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
-from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot.studies.sweep.study import Variant
 from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
@@ -139,7 +147,6 @@ def best(trials: list[Trial], limit: float) -> Trial | None:
 
 
 DEFAULT, TUNED = KINDS = ('default', 'tuned')
-ERRORS = ('xy_rms_m', 'joint_rms_rad')  # the first that a robot has
 Gains = Mapping[str, Mapping[str, TunedGains]]  # law, robot
 
 
@@ -280,12 +287,10 @@ def figures_of(outcome: Outcome) -> RunFigures:
     known = outcome.metrics
     if known is None:
         return RunFigures(outcome.status, outcome.reason)
-    errors = [METRICS[column](known) for column in ERRORS]
+    errors = [metric.of(known) for metric in ERRORS]
     error = next((each for each in errors if math.isfinite(each)), math.nan)
-    columns = ('chattering_nm', 'torque_rms_nm', 'energy_j')
-    return RunFigures(
-        outcome.status, outcome.reason, error, *(METRICS[column](known) for column in columns)
-    )
+    efforts = (metric.of(known) for metric in named(*EFFORTS))
+    return RunFigures(outcome.status, outcome.reason, error, *efforts)
 
 
 def _scored(every: list[Condition], law: str, kind: str, store: Store) -> Iterator[ScoredRun]:

@@ -31,6 +31,9 @@ class RunKey(NamedTuple):
     sample: int  # number of the sample
 
 
+EFFORTS = ('chattering_nm', 'torque_rms_nm', 'energy_j')  # metrics that are told beside a score
+
+
 class RunFigures(NamedTuple):
     """What came of a run, in SI units."""
 
@@ -204,9 +207,7 @@ def as_data(summary: Summary) -> dict[str, Any]:
         'below_limit': summary.below,
         **{
             name: None if value != value else value
-            for name, value in zip(
-                ('chattering_nm', 'torque_rms_nm', 'energy_j'), summary[-3:], strict=True
-            )
+            for name, value in zip(EFFORTS, summary[-3:], strict=True)
         },
     }
 

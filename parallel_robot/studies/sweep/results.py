@@ -11,48 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.analysis.metrics import Metric, named
 from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.statistics import Driver, Duel, Estimate
 from parallel_robot.studies.sweep.store import CALM, arrow
-from parallel_robot_model.common.units import Array, JointUnits
+from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration.config_files import scenario_stem
 from parallel_robot_sim.imperfections import ENCODERS
 
 REASONS = 3  # most frequent reasons of failures to report
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """A column that is summarised; smaller is better."""
-
-    column: str  # name of the column
-    name: str  # name in tables
-    unit: str  # unit in tables
-    scale: float  # factor from the column to that unit
-
-    def told(self, units: JointUnits) -> Quantity:
-        """The same of joints of some units."""
-        return replace(
-            self,
-            name=units.label(self.name),
-            column=units.key(self.column),
-            unit=units.of(self.unit),
-        )
-
-
-ERRORS = (  # the first that the scenario has is the one by which laws are compared
-    Quantity('xy_rms_m', 'end-effector error, rms', 'µm', 1e6),
-    Quantity('joint_rms_rad', 'joint error, rms', 'µrad', 1e6),
-)
-ROTATED = Quantity('rotation_rms_rad', 'end-effector rotation error, rms', 'µrad', 1e6)
-OTHERS = (
-    Quantity('torque_max_nm', 'torque, max', 'N m', 1.0),
-    Quantity('chattering_nm', 'torque, chattering', 'N m', 1.0),
-    Quantity('excess_chattering_nm', 'excess chattering', 'N m', 1.0),
-    Quantity('torque_rms_nm', 'torque, rms', 'N m', 1.0),
-    Quantity('energy_j', 'energy', 'J', 1.0),
+# Metrics that are summarised.
+ERRORS = named('xy_rms_m', 'joint_rms_rad')  # laws are compared by the first that there is
+(ROTATED,) = named('rotation_rms_rad')
+OTHERS = named(
+    'torque_max_nm', 'chattering_nm', 'excess_chattering_nm', 'torque_rms_nm', 'energy_j'
 )
 
 
@@ -88,7 +64,7 @@ class ScenarioResult:
 
     # what is summarised; the first is the error. An effort that no run has, as the
     # chattering of states that are far apart, is left out
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[Metric, ...]
     laws: Mapping[str, LawResult]  # law to its results, in the order of the study
     # the laws in pairs, by the error; those with the smaller medians first. Their p is
     # corrected over all pairs of the study
@@ -155,9 +131,9 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     pa = arrow()
     parameters = [name for name, numeric in plan.columns().items() if numeric]
     units = plan.units
-    errors, others = ([each.told(units) for each in some] for some in (ERRORS, OTHERS))
-    of_error = dict(zip((each.column for each in errors), map(units.key, LIMITS), strict=True))
-    numbers = [quantity.column for quantity in (*errors, ROTATED, *others)] + parameters
+    errors, others = ([each.in_units(units) for each in some] for some in (ERRORS, OTHERS))
+    of_error = dict(zip((each.key for each in errors), map(units.key, LIMITS), strict=True))
+    numbers = [quantity.key for quantity in (*errors, ROTATED, *others)] + parameters
     numbers += [*dict.fromkeys(of_error.values()), DELAY]
     found = pa.parquet.read_table(
         runs,
@@ -169,19 +145,19 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
         found[name].to_numpy() for name in ('law', 'sample', 'status', 'reason')
     )
     columns = {name: found[name].to_numpy() for name in numbers}  # NaN for null
-    planar = np.isfinite(columns[errors[0].column]).any()
+    planar = np.isfinite(columns[errors[0].key]).any()
     error = errors[0] if planar else errors[1]
     scramble = sample % plan.study.scrambles
-    limits = columns[of_error[error.column]]
+    limits = columns[of_error[error.key]]
     limited = limits > NEGLIGIBLE
     limit = ESTIMATED if _has_encoder(plan, scenario) else LIMIT
-    ratio = Quantity('', f'error / {limit}', '', 1.0)
+    ratio = error._replace(key='', name=f'error / {limit}', unit='')
     calm = _at_own_calm(found, plan) if plan.study.calm else np.full(len(law), np.nan)
-    calmed = Quantity('', f'error / {limit} at own chattering', '', 1.0)
-    rotated = [ROTATED] if np.isfinite(columns[ROTATED.column]).any() else []
+    calmed = ratio._replace(name=f'{ratio.name} at own chattering')
+    rotated = [ROTATED] if np.isfinite(columns[ROTATED.key]).any() else []
     good = status == 'ok'
     others = [
-        each for each in others if not good.any() or np.isfinite(columns[each.column][good]).any()
+        each for each in others if not good.any() or np.isfinite(columns[each.key][good]).any()
     ]
     measured = (error, *rotated, *others)
     held = {}  # what the error is held against, by the quantity that the ratio is
@@ -194,7 +170,7 @@ def _scenario(runs: Path, plan: Plan, scenario: str) -> ScenarioResult:
     for variant in plan.study.laws:
         mine = law == variant.name
         scaled = [
-            np.where(good[mine], quantity.scale * columns[quantity.column][mine], np.inf)
+            np.where(good[mine], quantity.scale * columns[quantity.key][mine], np.inf)
             for quantity in measured
         ]
         medians = [_median(values, scramble[mine]) for values in scaled]

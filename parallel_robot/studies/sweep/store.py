@@ -7,10 +7,9 @@ last step merges them into ``runs.parquet``, sorted by row, and removes them.
 from __future__ import annotations
 
 import contextlib
-import math
 import re
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -19,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from parallel_robot.analysis.metrics import Metrics, Value, of_seen, of_true
+from parallel_robot.analysis.metrics import METRICS, Metrics
 from parallel_robot.studies.locked_directory import LOCK, LockedDirectory
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import Plan, Row, plan
@@ -37,37 +36,13 @@ IDENTITY = ('row', 'law', 'scenario', 'sample', 'seed', 'status', 'reason', 'lim
 Arrow = Any  # a pyarrow.Table; pyarrow is optional, and untyped
 
 
-def _reached(value: Value) -> Callable[[Metrics], float]:
-    """A metric whose time until a state is reached is infinite if it never is."""
-
-    def number(found: Metrics) -> float:
-        known = value(found)
-        return math.inf if known is None else known
-
-    return number
+DURATION = 'duration_s'
+COLUMNS = (DURATION, *(metric.key for metric in METRICS))
 
 
-OF_MOTION: dict[str, Value] = {
-    'to_1_mm_s': lambda m: m.transient.to_1_mm_s,
-    'to_0_1_mm_s': lambda m: m.transient.to_0_1_mm_s,
-    'xy_rms_m': lambda m: m.steady.xy_rms_m,
-    'xy_max_m': lambda m: m.steady.xy_max_m,
-    'rotation_rms_rad': lambda m: m.steady.rotation_rms_rad,
-    'joint_rms_rad': lambda m: m.steady.joint_rms_rad,
-    'sync_rms_rad': lambda m: m.steady.sync_rms_rad,
-    'energy_j': lambda m: m.effort.energy_j,
-}
-METRICS: dict[str, Callable[[Metrics], float]] = {  # column to value; NaN is written as null
-    'duration_s': lambda m: m.duration_s,
-    **{name: _reached(of_true(of)) for name, of in OF_MOTION.items() if name != 'energy_j'},
-    'torque_max_nm': lambda m: m.torque.max_nm,
-    'torque_variation_nm_per_s': lambda m: m.torque.total_variation_nm_per_s,
-    'chattering_nm': lambda m: m.torque.chattering_nm,
-    'excess_chattering_nm': lambda m: m.effort.excess_chattering_nm,
-    'torque_rms_nm': lambda m: m.effort.torque_rms_nm,
-    'energy_j': _reached(of_true(OF_MOTION['energy_j'])),
-    **{f'seen_{name}': _reached(of_seen(of)) for name, of in OF_MOTION.items()},
-}
+def columns_of(found: Metrics) -> dict[str, float]:
+    """Metrics of a run by column; NaN is written as null, a state never reached as infinite."""
+    return {DURATION: found.duration_s, **{metric.key: metric.of(found) for metric in METRICS}}
 
 
 # Of the sample, not of the run: the first law of the scenario has it until a sweep is finished.
@@ -91,7 +66,7 @@ def schema(plan: Plan) -> Any:
     words = ('law', 'scenario', 'status', 'reason', 'limits', 'limit_reason')
     fields = [(name, pa.string() if name in words else pa.int64()) for name in IDENTITY]
     key = plan.units.key
-    fields += [(key(name), pa.float64()) for name in METRICS]
+    fields += [(key(name), pa.float64()) for name in COLUMNS]
     names = dict.fromkeys(map(key, FLOOR))  # limits of slides are in um as those of a place
     fields += [(name, pa.string() if name in words else pa.float64()) for name in names]
     if plan.study.calm:
@@ -131,7 +106,7 @@ def _with_floors(rows: Arrow, plan: Plan) -> Arrow:
 def _entry(row: Row, outcome: Outcome, units: JointUnits) -> Mapping[str, Any]:
     """One row by column; columns that are left out are null."""
     found = outcome.metrics
-    values = {} if found is None else {name: of(found) for name, of in METRICS.items()}
+    values = {} if found is None else columns_of(found)
     floor = {} if outcome.floor is None else outcome.floor._asdict()
     calm = {}
     if outcome.calm is not None:

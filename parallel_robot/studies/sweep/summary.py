@@ -8,9 +8,10 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
+from parallel_robot.analysis.metrics import Metric
 from parallel_robot.analysis.readable_metrics import shown
 from parallel_robot.studies.sweep.plan import Plan, sampling
-from parallel_robot.studies.sweep.results import Quantity, ScenarioResult
+from parallel_robot.studies.sweep.results import ScenarioResult
 from parallel_robot.studies.sweep.statistics import Estimate, fewest
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common import tables
@@ -185,7 +186,7 @@ def _tables(
     return [(title, Table(head, rows, align)) for title, (head, *rows), align in titled if rows]
 
 
-def _heading(quantity: Quantity) -> str:
+def _heading(quantity: Metric) -> str:
     return f'{quantity.name} [{quantity.unit}]' if quantity.unit else quantity.name
 
 

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis.metrics import Metric
 from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
-from parallel_robot.studies.sweep.results import ERRORS, Quantity
+from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.tuning import output
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
@@ -111,7 +112,7 @@ class Front:
 
     directory: Path
     manifest: dict[str, Any]  # what its trials depend on
-    error: Quantity  # which metric its error is
+    error: Metric  # which metric its error is
     # effort and error of its points, by rising error, in their columns' units
     points: tuple[tuple[float, float], ...]
     trials: tuple[tuple[int, dict[str, Any]], ...]  # number and gains of the trial of each point
@@ -129,9 +130,9 @@ class Front:
         return str(self.manifest['law'])
 
     @property
-    def effort(self) -> Quantity:
+    def effort(self) -> Metric:
         """Which metric its effort is."""
-        return MEASURES[self.manifest['measure of effort']].told(self.units)
+        return MEASURES[self.manifest['measure of effort']].in_units(self.units)
 
 
 def read_front(directory: Path) -> Front:
@@ -154,11 +155,11 @@ def read_front(directory: Path) -> Front:
         effort, units = next(
             (told, each)
             for each in (HINGES, PRISMATIC, BOTH)
-            if (told := measure.told(each)).column in head
+            if (told := measure.in_units(each)).key in head
         )
-        (error,) = (told for each in ERRORS if (told := each.told(units)).column in head)
-        points = tuple((float(row[effort.column]), float(row[error.column])) for row in rows)
-        own = {'trial', 'chosen', effort.column, error.column}
+        (error,) = (told for each in ERRORS if (told := each.in_units(units)).key in head)
+        points = tuple((float(row[effort.key]), float(row[error.key])) for row in rows)
+        own = {'trial', 'chosen', effort.key, error.key}
         gains = [key for key in head if key not in own]
         trials = tuple(
             (
@@ -212,7 +213,7 @@ def fronts_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
             'law': front.law,
             'scenario': front.manifest['scenario'],
             'points': [
-                {front.effort.column: effort, front.error.column: error}
+                {front.effort.key: effort, front.error.key: error}
                 for effort, error in front.points
             ],
             'chosen': front.chosen,

@@ -80,7 +80,7 @@ def judged(fronts: Sequence[Front], directory: Path) -> list[Front]:
     manifest_of(directory)
     parsed = study.parse(study.read(directory / STUDY), str(directory / STUDY))
     variants = {variant.name: variant for variant in parsed.laws}
-    columns = [fronts[0].effort.column, fronts[0].error.column]
+    columns = [fronts[0].effort.key, fronts[0].error.key]
     try:
         table = arrow().parquet.read_table(
             directory / RUNS,
@@ -220,8 +220,8 @@ def data_at_effort(laws: Sequence[Reached], effort: float) -> list[dict[str, Any
     return [
         {
             'law': law.fronts[0].law,
-            law.fronts[0].effort.column: effort,
-            f'median {law.fronts[0].error.column}': statistics.median(law.known or [math.nan]),
+            law.fronts[0].effort.key: effort,
+            f'median {law.fronts[0].error.key}': statistics.median(law.known or [math.nan]),
             'fronts': dict(zip((front.name for front in law.fronts), law.errors, strict=True)),
         }
         for law in laws

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from parallel_robot.analysis.metrics import Metric
 from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, law_label
 from parallel_robot.bags.output import without_mathematics
-from parallel_robot.studies.sweep.results import Quantity
 from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import Trial, Verdict
 from parallel_robot.studies.tuning.tune import Tuning
@@ -82,7 +82,7 @@ def new_figure(size: tuple[float, float]) -> tuple[Figure, Any]:
     return figure, figure.subplots()
 
 
-def label_axes(panel: Any, title: str, across: Quantity, up: Quantity) -> None:
+def label_axes(panel: Any, title: str, across: Metric, up: Metric) -> None:
     """Name the axes, both logarithmic."""
     panel.set_xscale('log')
     panel.set_yscale('log')
@@ -203,4 +203,4 @@ def gains_lines(law: str, gains: Mapping[str, Any], fields: Mapping[str, Field])
 
 
 def _columns(tuning: Tuning) -> tuple[str, str]:
-    return tuning.error.column, tuning.effort.quantity.column
+    return tuning.error.key, tuning.effort.quantity.key

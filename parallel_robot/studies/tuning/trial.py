@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.studies.sweep.results import OTHERS, Quantity
+from parallel_robot.analysis.metrics import Metric, named
+from parallel_robot.studies.sweep.results import OTHERS
 from parallel_robot.studies.sweep.run_chunk import Outcome
-from parallel_robot.studies.sweep.store import METRICS
 from parallel_robot.studies.tuning.space import Choice, Space, Value
 from parallel_robot_model.common.errors import InputError, UnknownNameError, optional
 from parallel_robot_model.common.units import HINGES, JointUnits
@@ -73,7 +73,8 @@ def evaluated(
     """
     figures, reasons = [], []
     for outcome in outcomes:
-        pair = [METRICS[column](outcome.metrics) for column in columns] if outcome.metrics else []
+        found = outcome.metrics
+        pair = [metric.of(found) for metric in named(*columns)] if found else []
         if outcome.status != 'ok':
             reasons.append(outcome.reason)
         elif not all(map(math.isfinite, pair)):
@@ -198,7 +199,7 @@ def parse_weights(text: str, measure: str) -> Weights:
 
 # The effort of a trial: the metric that the error is traded against, and how much is allowed.
 
-MEASURES = {quantity.column.rpartition('_')[0]: quantity for quantity in OTHERS}
+MEASURES = {quantity.key.rpartition('_')[0]: quantity for quantity in OTHERS}
 DEFAULT_EFFORT = 'chattering'
 
 
@@ -212,9 +213,9 @@ class Effort:
     units: JointUnits = HINGES  # those of the joints
 
     @property
-    def quantity(self) -> Quantity:
+    def quantity(self) -> Metric:
         """The column, its name and unit."""
-        return MEASURES[self.measure].told(self.units)
+        return MEASURES[self.measure].in_units(self.units)
 
     def shown(self, value: float) -> str:
         """A value of the column with its name and unit."""

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any
 
+from parallel_robot.analysis.metrics import Metric
 from parallel_robot.studies.sweep.plan import Plan
-from parallel_robot.studies.sweep.results import ERRORS, Quantity
+from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
 from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
@@ -65,18 +66,18 @@ class Tuning:
         return available(self.nominal['custom_laws'])[self.space.law]
 
     @property
-    def error(self) -> Quantity:
+    def error(self) -> Metric:
         """Which metric is the tracking error: that of the end effector, or of the joints."""
-        return self._error.told(self.plan.units)
+        return self._error.in_units(self.plan.units)
 
     @property
-    def _error(self) -> Quantity:
+    def _error(self) -> Metric:
         return ERRORS[0] if robot_of(self.nominal).place else ERRORS[1]
 
     @property
     def measured(self) -> tuple[str, str]:
-        """Keys of sweep.store.METRICS of tracking error and effort."""
-        return self._error.column, MEASURES[self.effort.measure].column
+        """Keys of the metrics of tracking error and effort."""
+        return self._error.key, MEASURES[self.effort.measure].key
 
     @property
     def goal(self) -> str:

@@ -192,7 +192,7 @@ class Tuned(ShownResult):
     def as_data(self) -> dict[str, Any]:
         """What came of it as plain data, figures in SI units."""
         tuning, result = self.tuning, self.result
-        columns = tuning.error.column, tuning.effort.quantity.column
+        columns = tuning.error.key, tuning.effort.quantity.key
         first, chosen = (
             dict(zip(columns, (each.error, each.effort), strict=True))
             | {'gains': dict(each.gains)}
