@@ -9,16 +9,14 @@ from assembly import simulated
 from bags import MS, content, write_foreign
 from test_timing import FACTS, NOTHING, N, loop
 
-from parallel_robot.analysis import evaluated_bag, metrics, recorded_motions, thinned, timing
+from parallel_robot.analysis import evaluated_bag, recorded_motions, thinned, timing
 from parallel_robot.analysis.evaluated_bag import evaluate
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.run_results import MotionAlone
-from parallel_robot.analysis.timing import Quantiles
-from parallel_robot.analysis.windows import RunningTiming
 from parallel_robot.bags import columns, indexed_reader
 from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.run import recorded_robot, recording, run_log
+from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
@@ -43,7 +41,7 @@ def windows(monkeypatch):
         monkeypatch.setattr(indexed_reader, 'LARGE', 1)
         for module in (evaluated_bag, thinned):
             monkeypatch.setattr(module, 'WINDOW', WINDOW)
-        monkeypatch.setattr(metrics, 'BLOCK', 321)
+        monkeypatch.setattr(columns, 'BLOCK', 321)
         monkeypatch.setattr(columns, 'SMALL', 1 << 10)
         monkeypatch.setattr(evaluated_bag, 'LONG', 1.0)
         monkeypatch.setattr(evaluated_bag, 'SMALL', 0)
@@ -91,7 +89,7 @@ def both(windows, bag, part=(None, None), view=None):
 def assert_same(windows, bag, part=(None, None), view=None):
     """All that is told of a bag is the same."""
     whole, long, (texts, others) = both(windows, bag, part, view)
-    assert len(long.log.time) < len(whole.log.time)
+    assert isinstance(long.log.time, np.memmap) and not isinstance(whole.log.time, np.memmap)
     assert_alike(long.metrics, whole.metrics)
     assert timing.as_json(long.timing) == timing.as_json(whole.timing)
     assert long.log.messages == whole.log.messages and [*long.log.messages] == [
@@ -306,14 +304,8 @@ def test_the_command_tells_the_same(bag, tmp_path, windows, capsys):
     assert whole['messages'] == long['messages'] and whole['timing'] == long['timing']
 
 
-def wall(log):
-    """A run in wall time, in windows of 130 states."""
-    for begin in range(0, len(log.time), 130):
-        yield run_log.rows(log, np.arange(begin, min(begin + 130, len(log.time))))
-
-
 @pytest.mark.parametrize('skipped', [(), range(300, 400), range(200), range(800, N + 1)])
-def test_lags_of_real_time(skipped, tmp_path):
+def test_lags_of_real_time(skipped, tmp_path, monkeypatch):
     lag = np.random.default_rng(1).integers(1, 5, N + 1)
     found, _ = loop(lag, skipped)
     write_foreign(tmp_path / 'bag', found)
@@ -321,21 +313,8 @@ def test_lags_of_real_time(skipped, tmp_path):
     log = log._replace(heard=log.stamps + 10**5 + 7 * np.arange(len(log.stamps)) % 1000)
     for facts in (FACTS, FACTS | {'start_stamp': '0'}):
         past = NOTHING._replace(facts=facts)
-        running = RunningTiming(past)
-        for part in wall(log):
-            running.add(part)
-        assert timing.as_json(running.finish()) == timing.as_json(timing.evaluate(log, past))
-
-
-def test_percentiles_of_many_numbers(monkeypatch):
-    values = np.random.default_rng(2).lognormal(-8.0, 1.0, 20_000)
-    values[::7] *= -1.0
-    few, many = Quantiles(), Quantiles()
-    asked = [0, 1, 50, 99, 100]
-    few.add(values)
-    assert np.array_equal(few.at(asked), np.percentile(values, asked))
-    monkeypatch.setattr(timing, 'EXACT', 100)
-    for part in np.array_split(values, 50):
-        many.add(part)
-    np.testing.assert_allclose(many.at(asked), np.percentile(values, asked), rtol=6e-4)
-    assert [*many.at([0, 100])] == [values.min(), values.max()] and not many._kept
+        monkeypatch.undo()
+        whole = timing.as_json(timing.evaluate(log, past))
+        monkeypatch.setattr(columns, 'BLOCK', 130)
+        monkeypatch.setattr(columns, 'SMALL', 1 << 10)
+        assert timing.as_json(timing.evaluate(log, past)) == whole

@@ -11,6 +11,7 @@ from parallel_robot.analysis import metrics
 from parallel_robot.analysis.metrics import METRICS, TABLE, Metrics, MotionPart, Window, named
 from parallel_robot.analysis.readable_metrics import as_data, brief, defined, unsettled
 from parallel_robot.analysis.recorded_motions import poses_of_log
+from parallel_robot.bags import columns
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config
@@ -305,7 +306,7 @@ def test_a_long_motion_has_the_metrics_of_a_short_one(monkeypatch, moved_in_a_pl
     whole = metrics.evaluate(motion, ideal)
     assert all(np.isfinite(value) for value in whole.values.values())
     for block in (2, 100, 333):
-        monkeypatch.setattr(metrics, 'BLOCK', block)
+        monkeypatch.setattr(columns, 'BLOCK', block)
         found = metrics.evaluate(motion, ideal)
         assert found.values == pytest.approx(whole.values, rel=1e-12)
         assert found.window == whole.window and found.duration_s == whole.duration_s

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-import itertools
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,25 +14,33 @@ from parallel_robot.analysis import metrics, recorded_motions, run_results, timi
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.recorded_motions import PlantWindows
 from parallel_robot.analysis.run_results import MotionAlone
-from parallel_robot.analysis.thinned import WINDOW, Series, Track, long_path, thinned
+from parallel_robot.analysis.thinned import (
+    WINDOW,
+    Series,
+    Track,
+    long_path,
+    thinned,
+    thinned_series,
+)
 from parallel_robot.analysis.timing import Timing
-from parallel_robot.analysis.windows import Course, MotionWindows
+from parallel_robot.analysis.windows import MotionWindows
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.columns import Columns, MotionColumns
 from parallel_robot.bags.files.bag_files import files
 from parallel_robot.bags.history import History
 from parallel_robot.bags.run import recorded_robot, recording, run_log, run_windows
 from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog, with_acting_commands
-from parallel_robot.bags.run.run_windows import Stretch
+from parallel_robot.bags.run.run_windows import LogColumns, Stretch
 from parallel_robot_model.common.errors import (
     BagError,
     KinematicsError,
     WholeNeededError,
 )
-from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, RECORDED, Topic
+from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, Topic
 from parallel_robot_sim.motions import Motion, Motions
-from parallel_robot_sim.simulation import saturation_of
+from parallel_robot_sim.simulation import saturated, saturation_of
 
 SMALL = 16_000_000  # bytes of a bag that is read as a whole without a look at its index
 LONG = 120.0  # s; a bag that is longer is read in windows
@@ -51,7 +58,7 @@ class PartFigures(NamedTuple):
 class EvaluatedBag(NamedTuple):
     """What is known of a bag."""
 
-    log: RunLog  # the run: names, configuration and counts; of a long one, states of a part alone
+    log: RunLog  # the run
     past: History  # what happened beside the motion
     timing: Timing  # how it kept its time
     metrics: Metrics
@@ -106,24 +113,26 @@ def evaluate(
         InputError: the robot of the bag cannot be built, or nothing is in the part.
     """
     count = long(bag, view)
+    options: dict[str, Any] = {
+        'code': code,
+        'topics': topics,
+        'view': view,
+        'motion_only': motion_only,
+    }
     if count:
-        windows = _LongBag(bag, code, view, part, count, topics, motion_only)
         with contextlib.suppress(WholeNeededError):
-            return windows.evaluated(warn)
+            return _of_long(bag, count, part, warn, options)
     try:
-        found = recorded_robot.read(
-            bag, code=code, topics=topics, view=view, motion_only=motion_only
-        )
+        found = recorded_robot.read(bag, **options)
     except BagError:
-        if count and windows.moves_again:
-            return windows.evaluated(warn, moved=False)
+        if count:
+            with contextlib.suppress(WholeNeededError):
+                return _of_long(bag, count, part, warn, options, move_again=False)
         raise
     for warning in found.log.warnings:
         warn(warning)
     if motion_only and not np.isfinite(found.log.reference_position).any():
-        alone = MotionAlone()
-        alone.add(run_log.between(bag, found.log, *part))
-        return alone
+        return MotionAlone(run_log.between(bag, found.log, *part))
     return of_whole(bag, found, part, warn)
 
 
@@ -187,95 +196,81 @@ def of_stretches(motions: Motions, parts: Sequence[Stretch]) -> Iterator[PartFig
             yield PartFigures(one, metrics.figures(part), float(part.best.time[-1]))
 
 
-class _LongBag:
-    """A bag that is read in windows, its motion into columns."""
+def _of_long(
+    bag: Path,
+    count: int,
+    part: tuple[float | None, float | None],
+    warn: Callable[[str], None],
+    options: Mapping[str, Any],
+    move_again: bool = True,
+) -> EvaluatedBag | MotionAlone:
+    """The figures of a bag that is read in windows, into columns.
 
-    def __init__(
-        self,
-        bag: Path,
-        code: RobotCode,
-        view: BagView,
-        part: tuple[float | None, float | None],
-        count: int,
-        topics: Collection[Topic],
-        motion_only: bool,
-    ) -> None:
-        self._bag, self._code, self._view, self._part = bag, code, view, part
-        self._count, self._topics, self._motion_only = count, topics, motion_only
-        windows = self._windows()
-        first = next(windows)
-        self._opened: Iterator[Recording] | None = itertools.chain((first,), windows)
-        self._past, self._config = first.history, first.log.config
-        self._law, self._start = first.log.law, first.log.start_stamp
-        self.moves_again = recorded_motions.moves_again(self._config, self._past)
-
-    def evaluated(
-        self, warn: Callable[[str], None], moved: bool = True
-    ) -> EvaluatedBag | MotionAlone:
-        """All its figures; `moved`: whether its plant may move once more."""
-        self._moved = moved and self.moves_again
-        course = Course(self._part, self._past)
-        self._read(course, warn)
-        if not course.referenced:
-            if not self._motion_only:
-                raise WholeNeededError(f'{self._bag} has no reference')
-            course.check(self._bag)
-            return course.alone
-        if self._part != (None, None):
-            course.check(self._bag)
-        motions = course.motions()
-        best = motions.best
-        found = metrics.figures(motions, *self._part)
-        log, config = course.log, self._config
-        known = run_windows.stretches(self._past, self._law, self._start, course.last)
-        told = saturation_of(config, course.saturated, course.samples)
-        counts = course.messages
-        ordered = {each.name: counts[each.name] for each in RECORDED if each.name in counts}
-        return EvaluatedBag(
-            log._replace(messages=ordered),
-            self._past,
-            course.timing.finish(),
-            found,
-            thinned(best),
-            long_path(best),
-            lambda times: best.rows(_rows(best, times)),
-            course.samples,
-            course.coupling(),
-            course.cut,
-            known,
-            [*of_stretches(motions, known)],
-            course.last,
-            [*filter(None, [course.remark]), *told],
-            bool(told),
-        )
-
-    def _windows(self) -> Iterator[Recording]:
-        return recorded_robot.chunks(
-            self._bag,
-            WINDOW,
-            code=self._code,
-            topics=self._topics,
-            view=self._view,
-            motion_only=self._motion_only,
-        )
-
-    def _read(self, course: Course, warn: Callable[[str], None]) -> None:
-        """Go through the windows."""
-        plant = PlantWindows(self._bag, self._config, self._past) if self._moved else None
-        motions = MotionWindows(self._count, plant)
-        windows, self._opened = self._opened or self._windows(), None
-        for found in windows:
-            course.add(self._bag, found)
-            try:
-                part = motions.of(found)
-            except KinematicsError as error:
-                raise BagError(f'{self._bag}: {error}') from None
-            if part is not None:
-                course.follow(part)
-        motions.check()
-        course.cut = motions.cut
-        for warning in filter(None, [*course.warnings, motions.cut]):
-            warn(warning)
+    Args:
+        bag: The bag.
+        count: About how many states it has.
+        part: See :func:`evaluate`.
+        warn: See :func:`evaluate`.
+        options: Those of :func:`recorded_robot.chunks`.
+        move_again: Whether its plant may move once more.
+    """
+    states, columns = LogColumns(bag), MotionColumns()
+    couplings = Columns('the cross-coupling errors')
+    following: MotionWindows | None = None
+    limited = followed = last = 0
+    remark, known_plant = '', True
+    for found in recorded_robot.chunks(bag, WINDOW, **options):
+        log, past, extra = found
+        if following is None:
+            again = move_again and recorded_motions.moves_again(log.config, past)
+            plant = PlantWindows(bag, log.config, past) if again else None
+            following, known_plant = MotionWindows(count, plant), recorded_motions.of_plant(past)
+        states.add(log)
+        errors = run_results.cross_coupling_of(log, extra.get(CROSS_COUPLING_ERROR))
+        if errors is not None:
+            couplings.add(errors._asdict())
+        try:
+            recorded = following.of(found)
+        except KinematicsError as error:
+            raise BagError(f'{bag}: {error}') from None
+        if recorded is not None:
+            columns.add(recorded.motions)
+            known_plant &= not recorded_robot.unknown(recorded.log.config)
+            if known_plant:
+                limited += int(saturated(recorded.log.config, recorded.log.effort).sum())
+            followed += len(recorded.log.time)
+            last, remark = int(recorded.log.stamps[-1]), recorded.remark
+    assert following is not None
+    log = states.log()
+    if following.cut or followed:
+        following.check()
+    elif not options['motion_only']:
+        raise WholeNeededError(f'{bag} has no reference')
+    else:
+        return MotionAlone(run_log.between(bag, log, *part))
+    for warning in filter(None, [*log.warnings, following.cut]):
+        warn(warning)
+    motions = columns.motions()
+    best, told = motions.best, saturation_of(log.config, limited, followed)
+    parts = run_windows.stretches(past, log.law, log.start_stamp, last)
+    coupling = couplings.arrays()
+    return EvaluatedBag(
+        log,
+        past,
+        timing.evaluate(with_acting_commands(run_log.between(bag, log, *part)), past),
+        metrics.figures(motions, *part),
+        thinned(best),
+        long_path(best),
+        lambda times: best.rows(_rows(best, times)),
+        followed,
+        thinned_series(Series(**coupling)) if coupling else None,
+        following.cut,
+        parts,
+        [*of_stretches(motions, parts)],
+        last,
+        [*filter(None, [remark]), *told],
+        bool(told),
+    )
 
 
 def _rows(motion: Motion, times: np.ndarray) -> np.ndarray:

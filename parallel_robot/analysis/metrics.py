@@ -10,6 +10,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags import columns
 from parallel_robot.bags.run.run_log import ReferenceMoves
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.ring import synchronisation_error
@@ -24,7 +25,6 @@ SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
 UNSETTLED = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
 SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
-BLOCK = 1 << 17  # samples that are evaluated at once
 
 
 class Block:
@@ -100,20 +100,21 @@ class MotionPart:
             first: Number of the first sample of the window, which goes to the end.
         """
         self.motion, self.ideal, self.first = motion, ideal, first
-        self.half = smooth_over(motion.time[:BLOCK])  # samples on each side of a moving mean
+        # samples on each side of a moving mean
+        self.half = smooth_over(motion.time[: columns.BLOCK])
         self._blocks: dict[tuple[int, int], Block] = {}
 
     def blocks(self, first: int | None = None, stop: int | None = None) -> Iterator[Block]:
         """The samples from `first` (None: of the window) up to `stop` (None: to the end)."""
         begin = self.first if first is None else first
         stop = len(self.motion.time) if stop is None else stop
-        for start in range(begin, stop, BLOCK):
-            rows = start, min(start + BLOCK, stop)
-            if rows not in self._blocks:
+        for rows in columns.blocks(begin, stop):
+            place = rows.start, rows.stop
+            if place not in self._blocks:
                 if len(self._blocks) > 1:  # of a motion that is longer, none is kept for long
                     self._blocks.pop(next(iter(self._blocks)))
-                self._blocks[rows] = Block(self, slice(*rows))
-            yield self._blocks[rows]
+                self._blocks[place] = Block(self, rows)
+            yield self._blocks[place]
 
     def rms(
         self, of: Callable[[Block], Array], first: int | None = None, stop: int | None = None
@@ -454,8 +455,7 @@ def evaluate(motion: Motion, ideal: Array | None = None, all_of_it: bool = False
 def reference_moves(motion: Motion) -> ReferenceMoves:
     """Where the reference of a motion moves."""
     moves = ReferenceMoves()
-    for start in range(0, len(motion.time), BLOCK):
-        rows = slice(start, start + BLOCK)
+    for rows in columns.blocks(0, len(motion.time)):
         moves.add(motion.time[rows], motion.reference_position[rows])
     return moves
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -14,8 +13,7 @@ from parallel_robot.analysis import metrics, timing
 from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.readable_metrics import as_data, head, whole
 from parallel_robot.analysis.thinned import Curves, Series
-from parallel_robot.analysis.timing import Quantiles
-from parallel_robot.bags.columns import MotionColumns
+from parallel_robot.bags.columns import BLOCK, MotionColumns, blocks
 from parallel_robot.bags.messages.message_arrays import Samples, physical
 from parallel_robot.bags.run import run_log
 from parallel_robot.bags.run.run_log import RunLog
@@ -69,46 +67,18 @@ def tables(result: dict[str, Any], found: metrics.Metrics, planned: float = 0.0)
 
 
 class MotionAlone:
-    """Tells what is known of a motion that comes in windows."""
+    """Tells what is known of a motion."""
 
-    def __init__(self) -> None:
-        self._log: RunLog | None = None
-        self._ends = math.nan, math.nan
-        self._steps = Quantiles()
-        self._count = 0
-        self._rows: dict[str, np.ndarray] = {}
-        self._measured = True, True
-        self._curves = Curves()  # joints and torques
-
-    def add(self, log: RunLog) -> None:
-        """Take the next window."""
-        if not len(log.time):
-            return
-        time, first = log.time, self._log is None
-        self._steps.add(np.diff(time) if first else np.diff(time, prepend=self._ends[1]))
-        self._ends = float(time[0]) if first else self._ends[0], float(time[-1])
-        self._log, self._count = log, self._count + len(time)
-        speeds, torques = self._measured
-        known = log.has_efforts or bool(len(log.command))  # else nothing tells a torque
-        self._measured = speeds and log.has_velocities, torques and known
-        self._curves.add(time, np.hstack([log.position, log.effort]))
-        rows = {
-            'low': log.position.min(axis=0),
-            'high': log.position.max(axis=0),
-            'velocity': np.sum(log.velocity**2, axis=0),
-            'torque': np.sum(log.effort**2, axis=0),
-            'largest': np.abs(log.effort).max(axis=0),
-        }
-        joined = {'low': np.minimum, 'high': np.maximum, 'largest': np.maximum}
-        self._rows = {
-            name: values if first else joined.get(name, np.add)(self._rows[name], values)
-            for name, values in rows.items()
-        }
+    def __init__(self, log: RunLog) -> None:
+        self._log = log
+        # median time between two states [s]
+        self._period = float(np.median(np.diff(log.time[:BLOCK]))) if len(log.time) > 1 else np.nan
 
     def parts(self) -> list[Part]:
         """Length, rate, and for each joint span, speed and torque."""
-        log, (begin, end) = self._taken, self._ends
-        head = f'{self._count} states in {end - begin:g} s, one in {1e3 * self._period:.4g} ms'
+        log = self._log
+        length, period = log.time[-1] - log.time[0], 1e3 * self._period
+        head = f'{len(log.time)} states in {length:g} s, one in {period:.4g} ms'
         rows = [[name, *(f'{value:.4f}' for value in row)] for name, row in self._of().items()]
         return [
             f'{log.scenario}, {head}: no reference, so no errors',
@@ -117,47 +87,52 @@ class MotionAlone:
 
     def drawn(self, draw: Callable[..., None], path: Path) -> None:
         """Draw joints and torques into a file by :func:`figures.draw_motion`."""
-        log = self._taken
-        position, torque = np.hsplit(self._curves.values, 2)
-        draw(self._curves.time, log.joints, position, torque, path, log.units)
+        log = self._log
+        curves = Curves()
+        for rows in blocks(0, len(log.time)):
+            curves.add(log.time[rows], np.hstack([log.position[rows], log.effort[rows]]))
+        position, torque = np.hsplit(curves.values, 2)
+        draw(curves.time, log.joints, position, torque, path, log.units)
 
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
-        log, (begin, end) = self._taken, self._ends
+        log = self._log
         joints = {
             name: dict(zip(log.joints, map(float, row), strict=True))
             for name, row in self._of().items()
         }
         return {
             'scenario': log.scenario,
-            'states': self._count,
-            'duration_s': end - begin,
+            'states': len(log.time),
+            'duration_s': float(log.time[-1] - log.time[0]),
             'period_s': self._period,
             'joints': joints,
         }
 
-    @property
-    def _taken(self) -> RunLog:
-        assert self._log is not None
-        return self._log
-
-    @property
-    def _period(self) -> float:
-        """Median time between two states [s]."""
-        return float(self._steps.at([50])[0]) if self._count > 1 else math.nan
-
     def _of(self) -> dict[str, np.ndarray]:
         """Figures of each joint by name with unit, shape (n,)."""
-        found, (speeds, torques) = self._rows, self._measured
-        units = self._taken.units
+        log, units = self._log, self._log.units
+        parts = [*blocks(0, len(log.time))]
         what = 'position' if any(units.slides) else 'angle'
-        rows = {f'lowest {what} [rad]': found['low'], f'highest {what} [rad]': found['high']}
-        if speeds:
-            rows['velocity, rms [rad/s]'] = np.sqrt(found['velocity'] / self._count)
-        if torques:
-            rows['torque, rms [N m]'] = np.sqrt(found['torque'] / self._count)
-            rows['torque, max [N m]'] = found['largest']
+        rows = {
+            f'lowest {what} [rad]': np.min([log.position[k].min(axis=0) for k in parts], axis=0),
+            f'highest {what} [rad]': np.max([log.position[k].max(axis=0) for k in parts], axis=0),
+        }
+        if log.has_velocities:
+            rows['velocity, rms [rad/s]'] = _rms(log.velocity)
+        if log.has_efforts or len(log.command):  # else nothing tells a torque
+            rows['torque, rms [N m]'] = _rms(log.effort)
+            rows['torque, max [N m]'] = np.max(
+                [np.abs(log.effort[k]).max(axis=0) for k in parts], axis=0
+            )
         return {units.label(name): numbers for name, numbers in rows.items()}
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    """Root mean square of each column, shape (n,)."""
+    squares = [np.sum(values[rows] ** 2, axis=0) for rows in blocks(0, len(values))]
+    found: np.ndarray = np.sqrt(np.sum(squares, axis=0) / len(values))
+    return found
 
 
 # Metrics of a simulation that comes in parts: of its true motion, and of what is seen of it.

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from parallel_robot.bags.columns import BLOCK, Columns, blocks
 from parallel_robot.bags.experiment import NODES
 from parallel_robot.bags.history import History, granted_priorities
 from parallel_robot.bags.run import matching
@@ -46,15 +45,13 @@ class Timing(NamedTuple):
     states: int  # number of states that were to be answered
     answered: int | None  # number of states that were answered; None if the bag does not say
     period: float  # period of the loop [s]
-    # lag of each step [samples], shape (L,); empty when the bag does not say. Of a bag that
-    # is read in windows, its percentiles from 1 to 100
+    # lag of each step in no order [samples], shape (L,); empty when the bag does not say
     lag: NDArray[np.int64]
     # number of steps after the first command whose torque answers no state: in the safe
     # action of the motors, at zero torque in a fault
     uncommanded: int
-    # from the sample at which each state is sent to its recording [s], shape (N,); empty
-    # when the stamps are not of the recorder's clock, as in lockstep. Of a bag that is read
-    # in windows, its percentiles from 0 to 100
+    # from the sample at which each state is sent to its recording, in no order [s], shape
+    # (N,); empty when the stamps are not of the recorder's clock, as in lockstep
     delay: NDArray[np.float64]
     # node to the real-time priority that it was granted, where the bag says so
     priority: dict[str, str]
@@ -82,7 +79,9 @@ class Timing(NamedTuple):
 
     def lag_percentiles(self) -> tuple[int, int, int]:
         """Median, 99th percentile and maximum of the lag [samples], none interpolated."""
-        p50, p99, largest = np.percentile(self.lag, [50, 99, 100], method='inverted_cdf')
+        p50, p99, largest = np.percentile(
+            self.lag, [50, 99, 100], method='inverted_cdf', overwrite_input=True
+        )
         return int(p50), int(p99), int(largest)
 
 
@@ -94,33 +93,41 @@ def evaluate(log: RunLog, history: History) -> Timing:
         history: What the bag says besides the motion.
     """
     period = loop_of(log.config).period_ns
-    if not history.facts:
-        period = int(np.median(np.diff(log.stamps))) if len(log.stamps) > 1 else period
-    told = int(history.facts.get('start_stamp', 0))
+    if not history.facts and len(log.stamps) > 1:
+        period = int(np.median(np.diff(log.stamps[:BLOCK])))
+    planned = int(history.facts.get('start_stamp', 0))
     answers = log.answers
     states = np.zeros(0, np.int64) if answers is None else answers.states[answers.states > 0]
     says = bool(states.size)
-    first = told if told or not says else int(states.min())
+    first = planned if planned or not says else int(states.min())
     # Of a motion that was planned every state counts, also where the controller fell silent.
-    last = int(states.max()) if says and not told else log.stamps[-1]
-    due = (log.stamps + reported_age(log.config) >= first) & (log.stamps <= last)
-    answered = int((~np.isnan(log.answer[due, 0])).sum()) if says else None
+    last = int(states.max()) if says and not planned else log.stamps[-1]
+    nodes = history.facts.get('source', NODES) == NODES
+    stepped = log.config['time_mode'] == 'lockstep'
+    age, delays = reported_age(log.config), Columns('the delays')
+    due = answered = gap = near = 0
+    for rows in blocks(0, len(log.stamps)):
+        stamps = log.stamps[rows]
+        count = (stamps + age >= first) & (stamps <= last)
+        due += int(count.sum())
+        answered += int((count & ~np.isnan(log.answer[rows, 0])).sum()) if says else 0
+        gap = max(gap, int(np.diff(log.stamps[max(rows.start - 1, 0) : rows.stop]).max(initial=0)))
+        if nodes and not stepped:
+            delay = (log.heard[rows] - stamps - age) / NANOSECONDS
+            near += int((np.abs(delay) * NANOSECONDS < SAME_CLOCK).sum())
+            delays.add({'delay': delay})
     lag, uncommanded = np.zeros(0, np.int64), 0
     if answers is not None and says and log.has_efforts:  # which tell what command acted
         lag, uncommanded = _lags(log, answers, first, period)
-    delay = (log.heard - log.stamps - reported_age(log.config)) / NANOSECONDS
-    nodes = history.facts.get('source', NODES) == NODES
-    stepped = log.config['time_mode'] == 'lockstep'
-    wall = nodes and not stepped and np.median(np.abs(delay)) * NANOSECONDS < SAME_CLOCK
     return Timing(
-        int(due.sum()),
-        answered,
+        due,
+        answered if says else None,
         period / NANOSECONDS,
         lag,
         uncommanded,
-        delay if wall else delay[:0],
+        delays.arrays()['delay'] if 2 * near > len(log.stamps) else np.zeros(0),
         granted_priorities(history),
-        int(np.diff(log.stamps).max(initial=0)),
+        gap,
     )
 
 
@@ -177,7 +184,7 @@ def as_json(timing: Timing) -> dict[str, Any]:
         p50, p99, largest = (1e3 * lag * timing.period for lag in timing.lag_percentiles())
     delay = {}
     if timing.delay.size:
-        values = 1e3 * np.percentile(timing.delay, [50, 99, 100])
+        values = 1e3 * np.percentile(timing.delay, [50, 99, 100], overwrite_input=True)
         delay = dict(zip(('p50', 'p99', 'max'), values.tolist(), strict=True))
     return {
         'states': timing.states,
@@ -202,22 +209,63 @@ def _percent(part: int, whole: int) -> str:
 def _lags(log: RunLog, answers: Answers, first: int, period: int) -> tuple[NDArray[np.int64], int]:
     """Lag of each step after a stamp [ns], in samples, and the number of steps without one."""
     limit = np.array(group(log.config, PlantParameters, 'plant').torque_limit)
-    command = np.clip(answers.torque, -limit, limit)
-    stamps = np.maximum.accumulate(answers.states)
-    newest = np.searchsorted(stamps, log.stamps, side='right') - 1
-    acting = acting_commands(log.effort, command, newest, -1)[1:]
-    since = np.where(acting < 0, 0, answers.states[acting])
-    age = reported_age(log.config)
-    counted = log.stamps[:-1] >= first
-    if since.any():
-        since[: np.flatnonzero(since)[0]] = first - period
-    known = counted & (since > 0)
-    took = (log.stamps[1:] - since)[known] - age
-    lag = np.rint(took / period).astype(np.int64)
+    newest_states, age = _accumulated(answers.states), reported_age(log.config)
     # Of some commands, as of the last ones, the bag may not say which state they answer.
-    silent = log.command[~matching.among(log.command, answers.torque)]
-    told = matching.among(log.effort[1:], np.clip(silent, -limit, limit))
-    return lag, int((counted & (since == 0) & ~told).sum())
+    silent = np.clip(log.command[~matching.among(log.command, answers.torque)], -limit, limit)
+    lags, at, uncommanded, early, begun = Columns('the lags'), -1, 0, 0, False
+    for rows in blocks(1, len(log.stamps)):
+        steps = slice(rows.start - 1, rows.stop)
+        stamps, effort = log.stamps[steps], log.effort[steps]
+        newest = np.searchsorted(newest_states, stamps, side='right') - 1
+        since, at = _answered(effort, answers, newest, at, limit)
+        if not begun and since.any():
+            begun, start = True, int(np.flatnonzero(since)[0])
+        else:
+            start = 0 if begun else len(since)
+        counted = stamps[:-1] >= first
+        idle = counted & (since == 0) & ~matching.among(effort[1:], silent)
+        early += int(idle[:start].sum())
+        since[:start] = first - period
+        uncommanded += int(idle[start:].sum())
+        known = counted & (since > 0)
+        took = (stamps[1:] - since)[known] - age
+        lags.add({'lag': np.rint(took / period).astype(np.int64)})
+    return (lags.arrays()['lag'], uncommanded) if begun else (np.zeros(0, np.int64), early)
+
+
+def _accumulated(states: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The largest of some stamps and all before it, shape (R,)."""
+    found, largest = Columns('the commands'), int(states[0])
+    for rows in blocks(0, len(states)):
+        part = np.maximum(np.maximum.accumulate(states[rows]), largest)
+        largest = int(part[-1])
+        found.add({'states': part})
+    return found.arrays()['states']
+
+
+def _answered(
+    effort: Array, answers: Answers, newest: NDArray[np.int64], at: int, limit: Array
+) -> tuple[NDArray[np.int64], int]:
+    """Stamp of the state that the torque of each step answers [ns], 0 for none, shape (N - 1,).
+
+    Args:
+        effort: Torques at the states [N m], shape (N, n).
+        answers: All answers.
+        newest: Index of the last answer to each state or an earlier one, shape (N,).
+        at: Index of the answer that acted before; -1: none.
+        limit: Of the motors [N m], shape (n,) or ().
+
+    Returns:
+        The stamps, and which answer acted last.
+    """
+    low = max(0, min(int(newest[0]), at if at >= 0 else int(newest[0])) - WINDOW)
+    part = slice(low, int(newest[-1]) + 1)
+    command = np.clip(answers.torque[part], -limit, limit)
+    acting = acting_commands(effort, command, newest - low, at - low if at >= 0 else -1)[1:]
+    acted = acting[acting >= 0]
+    since = np.zeros(len(acting), np.int64)
+    since[acting >= 0] = answers.states[part][acted]
+    return since, int(acted[-1]) + low if acted.size else at
 
 
 @kernel
@@ -263,77 +311,3 @@ def _same(some: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     for i in range(len(some)):
         same = same and some[i] == others[i]
     return same
-
-
-# Percentiles of numbers of which there may be too many to be kept.
-
-EXACT = 1 << 20  # numbers that are kept; of more, percentiles are within WIDTH / 2 of the number
-WIDTH = 1e-3  # of a class, relative to its numbers
-LEAST = 1e-12  # magnitude below which a number counts as zero
-
-
-class Quantiles:
-    """Percentiles as of :func:`numpy.percentile`: exact of up to EXACT numbers."""
-
-    def __init__(self) -> None:
-        self._kept: list[Array] = []
-        self._classes: Counter[int] = Counter()
-        self._ends = (math.inf, -math.inf)
-        self.count = 0
-
-    def add(self, numbers: Array) -> None:
-        """Take numbers, shape (N,)."""
-        if not len(numbers):
-            return
-        self.count += len(numbers)
-        self._ends = (
-            min(self._ends[0], float(numbers.min())),
-            max(self._ends[1], float(numbers.max())),
-        )
-        self._kept.append(numbers)
-        if self.count > EXACT:
-            for some in self._kept:
-                self._classes.update(_counted(some))
-            self._kept = []
-
-    def at(self, percentages: Iterable[float]) -> Array:
-        """The percentiles, interpolated; shape as that of the percentages."""
-        asked = np.asarray([*percentages], np.float64)
-        if self.count <= EXACT:
-            return np.percentile(np.concatenate(self._kept), asked)
-        classes = sorted(self._classes)
-        ends = np.cumsum([self._classes[k] for k in classes])
-        values = np.array([_middle(k) for k in classes])
-        ranks = (self.count - 1) * (asked / 100.0)
-        below = np.floor(ranks)
-        low, high = (
-            values[np.searchsorted(ends, np.minimum(each, self.count - 1), side='right')]
-            for each in (below, below + 1)
-        )
-        between: Array = np.clip(low + (ranks - below) * (high - low), *self._ends)
-        between[asked == 100.0] = self._ends[1]
-        between[asked == 0.0] = self._ends[0]
-        return between
-
-
-def counted(counts: Counter[int], percentages: Iterable[float]) -> NDArray[np.int64]:
-    """Percentiles of whole numbers that were counted, none interpolated."""
-    numbers = sorted(counts)
-    ends = np.cumsum([counts[number] for number in numbers])
-    ranks = [max(math.ceil(ends[-1] * (asked / 100.0)), 1) for asked in percentages]
-    return np.array(numbers, np.int64)[np.searchsorted(ends, ranks)]
-
-
-def _counted(numbers: Array) -> dict[int, int]:
-    """How many numbers are of each class."""
-    sizes = np.log(np.maximum(np.abs(numbers), LEAST) / LEAST) / math.log1p(WIDTH)
-    classes, counts = np.unique(
-        np.sign(numbers).astype(np.int64) * (sizes.astype(np.int64) + 1), return_counts=True
-    )
-    return dict(zip(classes.tolist(), counts.tolist(), strict=True))
-
-
-def _middle(number: int) -> float:
-    """The middle of a class."""
-    size = LEAST * math.exp((abs(number) - 0.5) * math.log1p(WIDTH))
-    return math.copysign(size, number) if number else 0.0

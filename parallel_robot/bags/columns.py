@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 
@@ -16,6 +17,13 @@ from parallel_robot_sim.motions import Motion, Motions
 
 SMALL = 1 << 26  # bytes that are held in memory; what is longer is in files
 IN_MEMORY = ('tmpfs', 'ramfs')  # file systems whose files are no less memory
+BLOCK = 1 << 17  # rows that are looked at at once
+
+
+def blocks(begin: int, stop: int) -> Iterator[slice]:
+    """Rows from one up to another, at most BLOCK at once."""
+    for start in range(begin, stop, BLOCK):
+        yield slice(start, min(start + BLOCK, stop))
 
 
 class Columns:
@@ -46,8 +54,8 @@ class Columns:
         if self._held > SMALL:
             self._write()
 
-    def arrays(self) -> dict[str, Array]:
-        """All arrays so far, by name; those in files can be read alone."""
+    def arrays(self) -> dict[str, Any]:
+        """All arrays so far, by name, which may be written into; no rows are added after that."""
         if self._files:
             self._write()
         return {name: self._array(name, parts) for name, parts in self._parts.items()}
@@ -58,8 +66,8 @@ class Columns:
             return np.concatenate(parts)
         count = os.fstat(self._files[name].fileno()).st_size // last.dtype.itemsize
         if not count:
-            return last
-        found: Array = np.memmap(self._files[name], last.dtype, 'r', shape=(count,))
+            return last[:0]
+        found: Array = np.memmap(self._files[name], last.dtype, 'r+', shape=(count,))
         return found.reshape(-1, *last.shape[1:])
 
     def _write(self) -> None:
@@ -68,7 +76,7 @@ class Columns:
         try:
             for name, parts in self._parts.items():
                 if name not in self._files:
-                    self._files[name] = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+                    self._files[name] = tempfile.TemporaryFile('w+b', dir=folder)  # noqa: SIM115
                 for part in parts:
                     self._files[name].write(np.ascontiguousarray(part).data)
                 self._files[name].flush()

@@ -122,7 +122,11 @@ def aligned(
     )
     if span == WHOLE:
         return run
-    return rows(run, np.flatnonzero((run.stamps >= span.begin) & (run.stamps < span.end)))
+    inside = np.flatnonzero((run.stamps >= span.begin) & (run.stamps < span.end))
+    return rows(run, inside)._replace(
+        command=run.command[span.holds(topics.COMMANDS, messages.commands)],
+        answers=answers and answers.between(span.begin_heard, span.end_heard),
+    )
 
 
 def _used(bag: Path, acts: np.ndarray, first: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.columns import Columns, blocks
 from parallel_robot.bags.messages.message_arrays import LARGEST, Samples
 from parallel_robot_control.contract import JointReference
 from parallel_robot_control.reference_buffer import extrapolate_rows
@@ -31,6 +32,16 @@ class Answers(NamedTuple):
     # that the bag lacks [ns]
     lost: np.ndarray = NONE
     gaps: np.ndarray = NONE  # when the commands were heard with which records begin anew [ns]
+    heard: np.ndarray = NONE  # when the records of the answers were heard [ns], shape (R,)
+
+    def between(self, begin: int, end: int) -> Answers:
+        """Those whose records were heard from one log time up to another [ns]."""
+        inside = (self.heard >= begin) & (self.heard < end)
+        rows = (each[inside] for each in (*self[:4], self.heard))
+        states, references, acts, torque, heard = rows
+        return self._replace(
+            states=states, references=references, acts=acts, torque=torque, heard=heard
+        )
 
 
 class Used(NamedTuple):
@@ -88,19 +99,27 @@ def recorded_answers(messages: Sequence[Samples], commands: Samples) -> Answers 
     lost = begin + np.flatnonzero(~kept[begin:end])
     gaps = first + 1 + np.flatnonzero(~told[first:last] & told[first + 1 : last + 1])
     states, references, acts = rows[:, :3].T
-    return Answers(states, references, acts, torque, times[lost], commands.log_times[gaps])
+    return Answers(states, references, acts, torque, times[lost], commands.log_times[gaps], times)
 
 
 def among(torques: np.ndarray, others: np.ndarray) -> np.ndarray:
     """Which torques are among others, bit for bit, shape (N,); both shape (., n)."""
-    some, all_others = _key(torques), _key(others)
-    if np.array_equal(some, all_others):  # nothing is lost
-        return np.ones(len(some), bool)
-    if not len(all_others):
-        return np.zeros(len(some), bool)
-    ordered = np.sort(all_others)  # several times as fast as np.isin
-    found: np.ndarray = ordered[np.minimum(np.searchsorted(ordered, some), len(ordered) - 1)]
-    return found == some
+    if len(torques) == len(others) and all(
+        np.array_equal(_key(torques[rows]), _key(others[rows])) for rows in blocks(0, len(others))
+    ):  # nothing is lost
+        return np.ones(len(torques), bool)
+    found = np.zeros(len(torques), bool)
+    if len(others):
+        keys = Columns('the commands')
+        for rows in blocks(0, len(others)):
+            keys.add({'key': _key(others[rows])})
+        ordered = keys.arrays()['key']
+        ordered.sort()  # several times as fast as np.isin
+        for rows in blocks(0, len(torques)):
+            some = _key(torques[rows])
+            at = np.minimum(np.searchsorted(ordered, some), len(ordered) - 1)
+            found[rows] = ordered[at] == some
+    return found
 
 
 def _key(torques: np.ndarray) -> np.ndarray:
@@ -175,7 +194,7 @@ def match_by_time(states: Samples, commands: Samples, whole: bool = True) -> tup
     else:
         newest = np.searchsorted(states.log_times, commands.log_times, side='right') - 1
         stamps[newest >= 0] = states.stamps[newest[newest >= 0]]
-    return Answers(stamps, stamps, stamps, torques), sure
+    return Answers(stamps, stamps, stamps, torques, heard=commands.log_times), sure
 
 
 # The reference of each state: the newest one, how old it is, and what is said without one.

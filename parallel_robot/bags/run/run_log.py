@@ -173,6 +173,8 @@ def between(bag: Path, log: RunLog, start: float | None, stop: float | None) -> 
     chosen = within(log.time, start, stop)
     if not len(chosen):
         raise BagError(no_state(bag, float(log.time.min()), float(log.time.max())))
+    if chosen[-1] - chosen[0] + 1 == len(chosen):
+        return rows(log, slice(chosen[0], chosen[-1] + 1))  # a view, also of a long run
     return rows(log, chosen)
 
 
@@ -200,14 +202,17 @@ def with_reference(log: RunLog) -> RunLog:
     return rows(log, np.flatnonzero(log.referenced))
 
 
-def rows(log: RunLog, chosen: np.ndarray) -> RunLog:
+def rows(log: RunLog, chosen: slice | np.ndarray) -> RunLog:
     """Some states of a run, by their numbers in order, with all its commands."""
     kept: dict[str, Any] = {
         name: value[chosen]
         for name, value in log._asdict().items()
         if name != 'command' and isinstance(value, np.ndarray) and len(value)
     }
-    return log._replace(**kept, used=None if log.used is None else log.used.rows(chosen))
+    used = log.used
+    if used is not None:
+        used = used.rows(np.arange(len(log.stamps))[chosen])
+    return log._replace(**kept, used=used)
 
 
 def joined(first: RunLog, second: RunLog) -> RunLog:

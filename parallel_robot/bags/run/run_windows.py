@@ -11,14 +11,17 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.columns import Columns
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import joint_table, matching, recording, run_log
+from parallel_robot.bags.run.matching import Answers
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
-from parallel_robot.bags.run.run_log import EMPTY, RunLog
+from parallel_robot.bags.run.run_log import EMPTY, RunLog, TopicCount
 from parallel_robot_model.common.errors import WholeNeededError, printable
 from parallel_robot_model.common.units import NANOSECONDS
+from parallel_robot_model.messages.topics import RECORDED
 
 STATES = (
     100_000  # of which the period is the median, at least: that of a recording does not change
@@ -148,6 +151,74 @@ class AlikeLines:
             text = matching.unreferenced(self._unreferenced, self._since)
             found.append(f'{self._bag}: {text}')
         return tuple(found)
+
+
+# A run that was read in windows, as a whole.
+
+
+class LogColumns:
+    """Puts windows of a run together, without the references that its controller used."""
+
+    def __init__(self, bag: Path) -> None:
+        self._bag, self._warnings = bag, AlikeLines()
+        self._states, self._answers = Columns('the states'), Columns('the commands')
+        self._last: RunLog | None = None
+
+    def add(self, log: RunLog) -> None:
+        """Take the next window.
+
+        Raises:
+            InputError: there is no room for it.
+        """
+        self._warnings.take(self._bag, log)
+        arrays = {key: each for key, each in log._asdict().items() if isinstance(each, np.ndarray)}
+        self._answers.add({'command': arrays.pop('command')})
+        self._states.add(arrays)
+        if log.answers is not None:
+            self._answers.add({f'answers.{key}': each for key, each in _rows_of(log.answers)})
+        before = self._last
+        if before is not None:
+            counts = {**before.messages, **log.messages}
+            none = TopicCount(0, 0)
+            for name in counts:
+                one, other = (each.messages.get(name, none) for each in (before, log))
+                both = one.count + other.count, one.missing + other.missing
+                counts[name] = TopicCount(*both)
+            differ = before.efforts_differ if before.efforts_differ.text else log.efforts_differ
+            log = log._replace(
+                messages=counts,
+                has_efforts=before.has_efforts and log.has_efforts,
+                efforts_differ=differ,
+                answers=log.answers or before.answers,
+            )
+        self._last = log
+
+    def log(self) -> RunLog:
+        """The run, when there was a window."""
+        assert self._last is not None
+        last, arrays, others = self._last, self._states.arrays(), self._answers.arrays()
+        answers = last.answers
+        if answers is not None:
+            answers = answers._replace(
+                **{key: others[f'answers.{key}'] for key, _ in _rows_of(answers)}
+            )
+        messages = {
+            each.name: last.messages[each.name] for each in RECORDED if each.name in last.messages
+        }
+        return last._replace(
+            **arrays,
+            command=others['command'],
+            messages=messages,
+            answers=answers,
+            used=None,
+            warnings=self._warnings.lines,
+        )
+
+
+def _rows_of(answers: Answers) -> Iterator[tuple[str, np.ndarray]]:
+    """Arrays with a row for each answer."""
+    names = ('states', 'references', 'acts', 'torque', 'heard')
+    return ((name, getattr(answers, name)) for name in names)
 
 
 # The end of a run, and how many states it has, read in windows.
