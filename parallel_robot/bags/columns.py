@@ -15,7 +15,7 @@ from parallel_robot_model.common.units import Array
 from parallel_robot_model.processes.user_directory import user_directories
 from parallel_robot_sim.motions import Motion, Motions
 
-SMALL = 1 << 26  # bytes that are held in memory; what is longer is in files
+SMALL = 1 << 24  # bytes that are held in memory; what is longer is in files
 IN_MEMORY = ('tmpfs', 'ramfs')  # file systems whose files are no less memory
 BLOCK = 1 << 17  # rows that are looked at at once
 
