@@ -15,11 +15,11 @@ from rosbags.interfaces import Nodetype
 from rosbags.rosbag2 import Reader
 
 from parallel_robot.bags.files.bag_files import open_file
-from parallel_robot.bags.files.mcap_chunks import Block
-from parallel_robot.bags.files.mcap_records import Damage, scan
-from parallel_robot.bags.messages.message_rows import Rows
+from parallel_robot.bags.files.mcap_reader import Damage, scan
+from parallel_robot.bags.files.mcap_records import Block
+from parallel_robot.bags.files.mcap_writer import McapWriter, Rows
 from parallel_robot.bags.writing import bag_writer
-from parallel_robot.bags.writing.bag_writer import BagWriter, RecordFile
+from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.messages import Status, status_message
 from parallel_robot_control.safety.faults import FAULTS, SPEED
 from parallel_robot_model.common.errors import BagError
@@ -292,14 +292,14 @@ def test_a_full_disk_leaves_what_is_finished(where, tmp_path, monkeypatch):
     write(tmp_path / 'whole')
     size = (tmp_path / 'whole' / 'whole_0.mcap').stat().st_size
     limit = {'first': 100, 'middle': size // 2, 'end': size - 10, 'metadata': size}[where]
-    disk, close = ExitStack(), RecordFile.close
+    disk, close = ExitStack(), McapWriter.close
     if where == 'metadata':  # the disk is full once the file is complete
 
         def close_and_fill(file):
             close(file)
             disk.enter_context(full_disk(100))
 
-        monkeypatch.setattr(RecordFile, 'close', close_and_fill)
+        monkeypatch.setattr(McapWriter, 'close', close_and_fill)
     with full_disk(limit), disk, pytest.raises(OSError, match='File too large'):
         write(tmp_path / 'bag')
     assert [file.name for file in path.parent.iterdir()] == ['bag_0.mcap']

@@ -10,8 +10,8 @@ from mcap.reader import make_reader
 from mcap.records import ChunkIndex
 from mcap.writer import CompressionType, IndexType, Writer
 
-from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.files.mcap_chunks import Chunk, Chunks, ChunkTable
+from parallel_robot.bags.files import mcap_reader
+from parallel_robot.bags.files.mcap_reader import Chunk, Chunks, ChunkTable
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError
@@ -71,9 +71,9 @@ def test_files_of_one_bag_are_one(tmp_path):
 def test_memory_holds_a_few_chunks(tmp_path, monkeypatch):
     write(tmp_path / 'bag.mcap', range(10_000))
     loaded = []
-    load = mcap_records.chunk_content
+    load = mcap_reader.chunk_content
     monkeypatch.setattr(
-        mcap_records, 'chunk_content', lambda *args: loaded.append(args) or load(*args)
+        mcap_reader, 'chunk_content', lambda *args: loaded.append(args) or load(*args)
     )
     reader = BagReader(tmp_path / 'bag.mcap')
     messages = reader.messages(['/a', '/b'], 0)

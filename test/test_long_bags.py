@@ -15,7 +15,7 @@ from parallel_robot.analysis.metrics import Metrics
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.bags import columns, indexed_reader
 from parallel_robot.bags.bag_reader import BagView
-from parallel_robot.bags.files import mcap_records
+from parallel_robot.bags.files import mcap_reader
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing import recovery, simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
@@ -262,8 +262,8 @@ def test_a_bag_that_was_not_closed(share, bag, tmp_path, windows):
 def test_a_bag_that_was_not_closed_is_walked_through_once(bag, tmp_path, monkeypatch):
     (path,) = bag.glob('*.mcap')
     data, file, walked = path.read_bytes(), tmp_path / 'cut.mcap', []
-    walk = mcap_records.index
-    monkeypatch.setattr(mcap_records, 'index', lambda *file: walked.append(1) or walk(*file))
+    walk = mcap_reader.index
+    monkeypatch.setattr(mcap_reader, 'index', lambda *file: walked.append(1) or walk(*file))
     for count, share in enumerate((0.5, 0.9), 1):  # more has been written since
         file.write_bytes(data[: round(share * len(data))])
         seconds, states = recording.size(file)

@@ -13,8 +13,8 @@ from zlib import crc32
 import pytest
 
 from parallel_robot.bags.bag_reader import read
-from parallel_robot.bags.files import mcap_records
-from parallel_robot.bags.files.mcap_chunks import Block
+from parallel_robot.bags.files import mcap_reader
+from parallel_robot.bags.files.mcap_records import Block
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.limits import Allowance
 from parallel_robot_model.common.errors import BagError
@@ -167,7 +167,7 @@ def written(
 
 
 def scanned(data):
-    return list(mcap_records.scan(memoryview(data), Allowance('file', len(data))))
+    return list(mcap_reader.scan(memoryview(data), Allowance('file', len(data))))
 
 
 def told(found):

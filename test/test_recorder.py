@@ -15,8 +15,8 @@ from mcap.reader import make_reader
 
 from parallel_robot.bags import bag_reader, history
 from parallel_robot.bags.files.bag_files import MESSAGES, open_file
-from parallel_robot.bags.files.mcap_chunks import Block
-from parallel_robot.bags.files.mcap_records import scan
+from parallel_robot.bags.files.mcap_reader import scan
+from parallel_robot.bags.files.mcap_records import Block
 from parallel_robot.bags.messages.message_types import channel, channel_of, qos_profile
 from parallel_robot.bags.writing import recorder as module
 from parallel_robot.bags.writing.recorder import Recorder

@@ -11,8 +11,8 @@ from test_windows import WIDTH, assert_all, assert_together, bag, messages  # no
 from parallel_robot.analysis import evaluated_bag
 from parallel_robot.bags.bag_reader import BagView
 from parallel_robot.bags.files import bag_files, bag_kinds
-from parallel_robot.bags.files.mcap_chunks import Block
-from parallel_robot.bags.files.mcap_records import Damage
+from parallel_robot.bags.files.mcap_reader import Damage
+from parallel_robot.bags.files.mcap_records import Block
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.run import recording
 from parallel_robot_model.common.errors import BagError

@@ -9,7 +9,7 @@ from bags import content, write_foreign, write_mcap
 
 from parallel_robot.bags import indexed_reader, limits
 from parallel_robot.bags.bag_reader import BagView
-from parallel_robot.bags.files import bag_files, mcap_records
+from parallel_robot.bags.files import bag_files, mcap_reader
 from parallel_robot.bags.indexed_reader import BagReader
 from parallel_robot.bags.run import bag_difference, recording, run_windows
 from parallel_robot.bags.writing import recovery, simulation_bag
@@ -204,13 +204,13 @@ def test_a_window_without_states_is_refused(bag):
 
 def test_what_is_not_needed_is_not_unpacked(bag, monkeypatch):
     """Apart from the chunks with statuses, here the first one."""
-    chunks, unpacked, content_of = len(BagReader(bag)._chunks), [], mcap_records.chunk_content
+    chunks, unpacked, content_of = len(BagReader(bag)._chunks), [], mcap_reader.chunk_content
 
     def counted(record, allowance):
         unpacked.append(len(record))
         return content_of(record, allowance)
 
-    monkeypatch.setattr(mcap_records, 'chunk_content', counted)
+    monkeypatch.setattr(mcap_reader, 'chunk_content', counted)
     recording.read(bag, window=(3.0, 3.1))
     assert chunks > 10 and len(unpacked) < 6
     unpacked.clear()

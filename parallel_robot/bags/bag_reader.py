@@ -15,8 +15,13 @@ from mcap.records import Attachment, Channel, Header, Metadata, Schema
 from parallel_robot.bags import trust
 from parallel_robot.bags.files import bag_kinds
 from parallel_robot.bags.files.bag_files import METADATA, custom_data, files, open_file
-from parallel_robot.bags.files.mcap_chunks import HEAD, MESSAGE_HEAD, Block, unpacked_payload
-from parallel_robot.bags.files.mcap_records import UNPACKED_BY, Damage, Record
+from parallel_robot.bags.files.mcap_reader import UNPACKED_BY, Damage, Record
+from parallel_robot.bags.files.mcap_records import (
+    HEAD,
+    MESSAGE_HEAD,
+    Block,
+    unpacked_payload,
+)
 from parallel_robot.bags.limits import (
     CHANNELS,
     LENGTHS,

@@ -15,11 +15,11 @@ import numpy as np
 from mcap.records import Channel, Schema, Statistics
 
 from parallel_robot.bags.bag_reader import LARGE, Messages, join, messages_of
-from parallel_robot.bags.files import bag_kinds, mcap_records
+from parallel_robot.bags.files import bag_kinds, mcap_reader
 from parallel_robot.bags.files.bag_files import File, files, open_file, release
 from parallel_robot.bags.files.bag_kinds import JOURNAL, SqliteFile
-from parallel_robot.bags.files.mcap_chunks import Block, Chunk, Chunks, ChunkTable
-from parallel_robot.bags.files.mcap_records import Damage
+from parallel_robot.bags.files.mcap_reader import Chunk, Chunks, ChunkTable, Damage
+from parallel_robot.bags.files.mcap_records import Block
 from parallel_robot.bags.limits import COPIES, MEMORY, Allowance
 from parallel_robot.bags.messages.message_arrays import FIRST, LAST, Samples, Span
 from parallel_robot.bags.output import MAX_LINE_LENGTH
@@ -212,14 +212,14 @@ class BagReader:
         if sqlite is not None:
             yield from sqlite.blocks(chunk, wanted, allowance)
             return
-        block = mcap_records.messages_at(self._data[chunk.file], chunk.offset, allowance)
+        block = mcap_reader.messages_at(self._data[chunk.file], chunk.offset, allowance)
         yield Damage('chunk', chunk.length) if block is None else block
 
     def _scan(
         self, chunk: Chunk, topics: Collection[str], allowance: Allowance
     ) -> Iterator[tuple[Any, ...]]:
         """Messages of a chunk: log time, place, offset, topic, bytes of the chunk, end."""
-        block = mcap_records.messages_at(self._data[chunk.file], chunk.offset, allowance)
+        block = mcap_reader.messages_at(self._data[chunk.file], chunk.offset, allowance)
         if block is None:
             path = printable(self._paths[chunk.file], MAX_LINE_LENGTH)
             raise BagError(f'{path} cannot be read: a chunk is broken')
@@ -234,7 +234,7 @@ class BagReader:
         if not (sqlite and self._make_index):
             bag_kinds.check(path, file)
         chunks = ChunkTable()
-        end, records = (None, []) if sqlite else mcap_records.summarised(*file, chunks)
+        end, records = (None, []) if sqlite else mcap_reader.summarised(*file, chunks)
         if end is None and self._make_index:
             walked = _index_of(path, self._memory)
             if walked is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 import shutil
 import sqlite3
-import struct
 import tempfile
 import weakref
 from collections import Counter
@@ -16,20 +15,23 @@ from typing import Any
 from urllib.parse import quote
 
 import numpy as np
+from mcap.opcode import Opcode
 from mcap.records import Channel, Schema, Statistics
 
-from parallel_robot.bags.files import mcap_records
+from parallel_robot.bags.files import mcap_reader
 from parallel_robot.bags.files.bag_files import File, release
-from parallel_robot.bags.files.mcap_chunks import HEAD, MESSAGE_HEAD, Block, Chunk, ChunkTable
-from parallel_robot.bags.files.mcap_records import Damage, Record
+from parallel_robot.bags.files.mcap_reader import Chunk, ChunkTable, Damage, Record
+from parallel_robot.bags.files.mcap_records import (
+    MESSAGE,
+    MESSAGE_HEAD,
+    Block,
+)
 from parallel_robot.bags.limits import CHANNELS, CHUNK, CHUNK_INDEX, Allowance
 from parallel_robot_model.common.errors import BagError
 
 # A sqlite3 file of rosbag2 as records of MCAP.
 
 BATCH = 1 << 20  # bytes of messages that make one block
-OPCODE = 5  # of a message
-MESSAGE = struct.Struct('<BQHIQQ')
 LAST = (1 << 63) - 1  # log time [ns]
 JOURNAL = '-wal'  # what a recorder that was killed has not put into its file
 CACHE = 512  # kB of each file that sqlite3 holds
@@ -194,10 +196,10 @@ def _blocks(
             continue
         allowance.walk(1)
         allowance.unpack(len(data))
-        head = (OPCODE, MESSAGE_HEAD + len(data), topic, count & 0xFFFFFFFF, time, time)
+        head = (Opcode.MESSAGE, MESSAGE_HEAD + len(data), topic, count & 0xFFFFFFFF, time, time)
         parts += MESSAGE.pack(*head), data
         starts.append(size)
-        size += HEAD + MESSAGE_HEAD + len(data)
+        size += MESSAGE.size + len(data)
         if size > BATCH:
             yield _block(parts, starts)
             parts, starts, size = [], [], 0
@@ -238,7 +240,7 @@ def records(path: Path, file: File, skipped: Collection[int] = ()) -> Iterator[R
     if is_sqlite(file):
         return scan_sqlite(path, file, skipped)
     check(path, file)
-    return mcap_records.scan(*file, skipped)
+    return mcap_reader.scan(*file, skipped)
 
 
 def is_sqlite(file: File) -> bool:
@@ -260,7 +262,7 @@ def index(path: Path, file: File) -> tuple[list[Any], ChunkTable] | None:
     if is_sqlite(file):
         found = _index_sqlite(path, file, chunks)
     else:
-        found = mcap_records.index(*file, chunks)
+        found = mcap_reader.index(*file, chunks)
     return None if found is None else (found, chunks)
 
 

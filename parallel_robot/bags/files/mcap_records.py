@@ -1,43 +1,55 @@
-"""Walks an MCAP file record by record, past damaged parts, and verifies every chunk."""
+"""Records of MCAP files, for reading and writing: messages, and the chunks that hold them."""
 
 from __future__ import annotations
 
-import re
+import contextlib
 import struct
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from io import BytesIO
 from typing import Any, NamedTuple
 from zlib import crc32
 
+import lz4.frame
 import numpy as np
+import zstandard
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Header, Metadata, Schema, Statistics
-
-from parallel_robot.bags.files.bag_files import release
-from parallel_robot.bags.files.mcap_chunks import (
-    HEAD,
-    LENGTH,
-    MESSAGE_HEAD,
-    Block,
-    ChunkTable,
-    Content,
-    chunk_content,
-    packed_chunk,
-    record_starts,
-    unknown_compression,
+from mcap.records import (
+    Attachment,
+    Channel,
+    Header,
+    McapRecord,
+    Metadata,
+    Schema,
+    Statistics,
 )
-from parallel_robot.bags.limits import ATTACHMENT, CHUNK_INDEX, DESCRIPTION, Allowance
+
+from parallel_robot.bags.limits import ATTACHMENT, CHUNK, DESCRIPTION, Allowance
+from parallel_robot_model.compiler import kernel
 
 MAGIC = b'\x89MCAP0\r\n'
-FOOTER = b'\x02\x14' + bytes(7)  # head of the footer
-TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the file
-PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
-HELD = 1 << 26  # bytes of a file that are held in memory
-BATCH = 1 << 16  # messages outside chunks that make one block
-NEW = 0x10  # opcode from which on records are of later versions, from 0x80 on private ones
-UNPACKED_BY = 'chunks compressed by'  # a compression that is not known
-CHUNK_BEGIN = re.compile(rb'\x06.{7}\x00.{28}(?:\0\0\0\0|\x03\0\0\0lz4|\x04\0\0\0zstd)', re.DOTALL)
+RECORD = struct.Struct('<BQ')  # opcode of a record, length of its content
+HEAD = RECORD.size
+LENGTH = struct.Struct('<Q')
+CHUNK_HEAD = struct.Struct('<QQQII')  # times, size, CRC, length of the compression's name
+INDEX_HEAD = struct.Struct('<QQQQI')  # times, place, length, bytes of the offsets that follow
+NUMBERED = struct.Struct('<HQ')  # number of a channel, and a count or an offset
+MESSAGE = struct.Struct('<BQHIQQ')  # a record of a message before its payload
+MESSAGE_HEAD = MESSAGE.size - HEAD
+MESSAGES = np.dtype(
+    [
+        ('opcode', 'u1'),
+        ('length', '<u8'),
+        ('channel', '<u2'),
+        ('sequence', '<u4'),
+        ('log_time', '<u8'),
+        ('publish_time', '<u8'),
+    ]
+)  # the same of many messages
+ENTRY = struct.Struct('<QQ')  # of an index of messages: log time, and where in its chunk
+ENTRIES = np.dtype([('log_time', '<u8'), ('offset', '<u8')])  # the same of many
+LONGEST_NAME = 16  # bytes of the name of a compression
+
 PARSED: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
@@ -47,265 +59,18 @@ PARSED: dict[int, Any] = {
     Opcode.STATISTICS: Statistics,
 }
 SUMMARISED: dict[int, Any] = {
-    Opcode.SCHEMA: Schema,
-    Opcode.CHANNEL: Channel,
-    Opcode.STATISTICS: Statistics,
+    key: PARSED[key] for key in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)
 }
 
 
-class Damage(NamedTuple):
-    """A damaged part of a file."""
-
-    what: str  # what is damaged, in words
-    length: int  # how much of the file is lost [bytes]
-
-
-Record = Header | Schema | Channel | Attachment | Metadata | Statistics | Block | Damage
+def packed(record: McapRecord) -> bytes:
+    """A record as bytes."""
+    builder = RecordBuilder()
+    record.write(builder)
+    return builder.end()
 
 
-def scan(
-    data: memoryview, allowance: Allowance, skipped: Collection[int] = ()
-) -> Iterator[Record]:
-    """Yield what a file holds: what its summary repeats, then its data in their order.
-
-    Memory stays within the size of one chunk, whatever the lengths in the file say. After damage
-    the walk goes on with the next chunk. A file without end is damage at its end.
-
-    Args:
-        data: The file.
-        allowance: Budget for reading it.
-        skipped: Where chunks begin that are not wanted.
-
-    Raises:
-        BagError: it takes more.
-    """
-    summary, repeated = summarised(data, allowance)
-    yield from repeated
-    channels = np.zeros(1 << 16, bool)  # whether each number is a known channel
-    channels[[record.id for record in repeated if isinstance(record, Channel)]] = True
-    stop = len(data) if summary is None else summary
-    offset = held = min(len(MAGIC), stop)
-    sound = data[:offset] == MAGIC
-    if not sound and offset:
-        yield Damage('magic', offset)
-    while offset < stop:
-        opcode, end = data[offset], _end(data, offset, stop)
-        if end is None:
-            resume = _next_chunk(data, offset + 1, stop)
-            if resume == len(data):
-                break
-            yield Damage('record', resume - offset)
-            sound, offset = False, resume
-            continue
-        record = data[offset:end]
-        allowance.walk(1)
-        if opcode == Opcode.DATA_END:
-            (crc,) = struct.unpack_from('<I', record, HEAD)
-            if sound and crc and crc != crc32(data[:offset]):
-                yield Damage('outside chunks', 0)
-            offset = end
-            break
-        if opcode == Opcode.MESSAGE:
-            starts, end = record_starts(np.frombuffer(data, np.uint8), offset, stop, opcode, BATCH)
-            allowance.walk(len(starts))
-            yield from _known(Block(data, starts), channels)
-        elif opcode == Opcode.CHUNK and offset in skipped:
-            sound = False  # what is not read is not verified
-        elif opcode == Opcode.CHUNK:
-            content = chunk_content(record, allowance)
-            if content is None:
-                sound = False
-                name = unknown_compression(record)
-                yield Damage(f'{UNPACKED_BY} {name}' if name else 'chunk', len(record))
-            else:
-                yield from _records(content, channels, allowance)
-        elif opcode in PARSED:
-            allowance.describe()
-            parsed = _parsed(record)
-            if isinstance(parsed, Channel):
-                channels[parsed.id] = True
-            yield parsed
-        offset = end
-        if offset > held + HELD:
-            release(data)
-            held = offset
-    if summary is None:
-        yield Damage('end', len(data) - offset)
-
-
-def summarised(
-    data: memoryview, allowance: Allowance, chunks: ChunkTable | None = None
-) -> tuple[int | None, list[Any]]:
-    """Where the summary begins and what it repeats; None when the file has no sound end.
-
-    Args:
-        data: The file.
-        allowance: Budget for reading it.
-        chunks: Takes what it says of the chunks; None: that is not wanted.
-
-    Raises:
-        BagError: it takes more.
-    """
-    tail = len(data) - TAIL
-    if tail < len(MAGIC) or data[tail : tail + HEAD] != FOOTER or data[-len(MAGIC) :] != MAGIC:
-        return None, []
-    begin, _, crc = struct.unpack_from('<QQI', data, tail + HEAD)
-    if begin == 0:
-        return tail, []
-    checked = tail + HEAD + 2 * LENGTH.size
-    if not len(MAGIC) <= begin <= tail or (crc and crc != crc32(data[begin:checked])):
-        return None, []
-    starts, _ = record_starts(
-        np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD
-    )
-    opcodes = np.frombuffer(data, np.uint8)[starts]
-    wanted = starts[np.isin(opcodes, list(SUMMARISED))].tolist()
-    allowance.describe(len(wanted))
-    if chunks is not None:
-        for start in starts[opcodes == Opcode.CHUNK_INDEX].tolist():
-            record = _record(data, start)
-            allowance.hold(len(record))
-            chunks.add_index(record)
-    records = [_parsed(_record(data, start), SUMMARISED) for start in wanted]
-    return begin, [record for record in records if record is not None]
-
-
-def index(data: memoryview, allowance: Allowance, chunks: ChunkTable) -> list[Any] | None:
-    """What the summary of a file would hold that was not closed; None where more is wrong with it.
-
-    Its last record may be cut off. Messages outside chunks are not indexed.
-
-    Args:
-        data: The file.
-        allowance: Budget for reading it.
-        chunks: Takes where its chunks lie.
-
-    Raises:
-        BagError: it takes more.
-    """
-    if data[: len(MAGIC)] != MAGIC:
-        return None
-    described: dict[tuple[type, int], Any] = {}  # by kind and number: many chunks repeat them
-    known, counts = np.zeros(1 << 16, bool), np.zeros(1 << 16, np.int64)
-    offset = held = len(MAGIC)
-    while offset < len(data) and data[offset] != Opcode.DATA_END:
-        end = _end(data, offset, len(data))
-        if end is None and _next_chunk(data, offset + 1, len(data)) == len(data):
-            break
-        if end is None or data[offset] == Opcode.MESSAGE:
-            return None
-        record = data[offset:end]
-        allowance.walk(1)
-        if data[offset] == Opcode.CHUNK:
-            content = chunk_content(record, allowance)
-            if content is None:
-                return None
-            for part in _records(content, known, allowance):
-                if isinstance(part, Damage):
-                    return None
-                if not isinstance(part, Block):
-                    described[type(part), part.id] = part
-                    continue
-                heads = part.heads()
-                counts += np.bincount(heads['channel'], minlength=len(counts))
-                times = int(heads['log_time'].min()), int(heads['log_time'].max())
-                allowance.hold(CHUNK_INDEX)
-                chunks.add(*times, offset, end - offset)
-        elif data[offset] in (Opcode.SCHEMA, Opcode.CHANNEL):
-            allowance.describe()
-            parsed = _parsed(record)
-            described[type(parsed), parsed.id] = parsed
-            known[parsed.id] |= isinstance(parsed, Channel)
-        offset = end
-        if offset > held + HELD:
-            release(data)
-            held = offset
-    by_channel = {int(k): int(counts[k]) for k in np.flatnonzero(counts)}
-    counted = Statistics(0, 0, by_channel, 0, int(counts.sum()), 0, 0, 0, 0)
-    return [*described.values(), counted]
-
-
-def messages_at(data: memoryview, offset: int, allowance: Allowance) -> Block | None:
-    """Messages of the chunk at an offset; None when there is none or it is damaged.
-
-    Raises:
-        BagError: it takes more than is allowed.
-    """
-    end = _end(data, offset, len(data)) if 0 <= offset < len(data) else None
-    if end is None or data[offset] != Opcode.CHUNK:
-        return None
-    content = chunk_content(data[offset:end], allowance)
-    return None if content is None else _messages(content)
-
-
-def _end(data: memoryview, offset: int, stop: int, exact: bool = False) -> int | None:
-    """End of the record at `offset`; None when no record with sound lengths begins there.
-
-    One with more than it must have, or of an unknown kind, counts where another one follows it:
-    else its length or its opcode is damaged.
-    """
-    end = _stated_end(data, offset, stop)
-    if end is None or _is_whole(data[offset:end], exact=True):
-        return end
-    if exact or not _is_whole(data[offset:end], exact=False):
-        return None
-    follower: int | None = end
-    while follower is not None and follower < stop and data[follower] >= NEW:
-        follower = _stated_end(data, follower, stop)
-    if follower is None or follower == stop:
-        return end if follower == stop else None
-    last = _stated_end(data, follower, stop)
-    return end if last is not None and _is_whole(data[follower:last], exact=False) else None
-
-
-def _stated_end(data: memoryview, offset: int, stop: int) -> int | None:
-    """End of the record at `offset` by the length that it states; None beyond `stop`."""
-    if offset + HEAD > stop:
-        return None
-    end = offset + HEAD + int(LENGTH.unpack_from(data, offset + 1)[0])
-    return end if end <= stop else None
-
-
-def _is_whole(record: memoryview, exact: bool) -> bool:
-    """Whether the lengths in a record fit it; `exact`: and it has no more than it must have."""
-    opcode, length = record[0], len(record) - HEAD
-    if opcode == Opcode.CHUNK:
-        return packed_chunk(record, exact) is not None
-    if opcode == Opcode.MESSAGE:
-        return length >= MESSAGE_HEAD
-    if opcode == Opcode.MESSAGE_INDEX:
-        least = 6 + struct.unpack_from('<I', record, HEAD + 2)[0] if length >= 6 else length + 1
-    elif opcode == Opcode.DATA_END:
-        least = 4
-    elif opcode in PARSED:
-        return _parsed(record, PARSED, exact) is not None
-    else:  # a chunk with another opcode is a damaged one
-        return not exact and opcode >= NEW and packed_chunk(record, exact=True) is None
-    return bool(least == length or (least < length and not exact))
-
-
-def _next_chunk(data: memoryview, offset: int, stop: int) -> int:
-    """Where the next chunk begins whose lengths fit together; `stop` when there is none."""
-    raw, chunk = np.frombuffer(data, np.uint8), np.uint8(Opcode.CHUNK)  # else all are widened
-    size = PIECE
-    while offset < stop:
-        found = offset + np.flatnonzero(raw[offset : min(offset + size, stop)] == chunk)
-        found = found[found + HEAD <= stop]
-        for start in found[raw[found + HEAD - 1] == 0].tolist():
-            if (
-                CHUNK_BEGIN.match(data, start, stop)
-                and _end(data, start, stop, exact=True) is not None
-            ):
-                return int(start)
-        offset, size = offset + size, min(2 * size, LARGEST_PIECE)
-    return stop
-
-
-def _record(data: memoryview, start: int) -> memoryview:
-    return data[start : start + HEAD + LENGTH.unpack_from(data, start + 1)[0]]
-
-
-def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool = False) -> Any:
+def parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool = False) -> Any:
     """A record as mcap's class; None unless these bytes begin with what that class writes.
 
     What a later version of the format may add at the end is left out, as its specification says;
@@ -313,45 +78,195 @@ def _parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool =
     """
     if len(record) > (ATTACHMENT if record[0] == Opcode.ATTACHMENT else DESCRIPTION):
         return None
-    builder = RecordBuilder()
     try:
-        parsed = kinds[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
-        parsed.write(builder)
+        found = kinds[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
+        written = memoryview(packed(found))[HEAD:]
     except Exception:  # in broken bytes, any length or string can be wrong
         return None
-    written = memoryview(builder.end())[HEAD:]
-    found = record[HEAD:] if exact else record[HEAD : HEAD + len(written)]
-    unchecked = record[0] == Opcode.ATTACHMENT and found[-4:] == bytes(4)
-    if unchecked:  # a CRC of zero is none
-        written, found = written[:-4], found[:-4]
-    return parsed if found == written else None
+    content = record[HEAD:] if exact else record[HEAD : HEAD + len(written)]
+    if record[0] == Opcode.ATTACHMENT and content[-4:] == bytes(4):  # a CRC of zero is none
+        written, content = written[:-4], content[:-4]
+    return found if content == written else None
 
 
-def _records(
-    content: Content, channels: np.ndarray, allowance: Allowance
-) -> Iterator[Schema | Channel | Block | Damage]:
-    """Records of a verified chunk; adds to the known `channels`."""
-    kinds = content.opcodes
-    described = content.starts[(kinds == Opcode.SCHEMA) | (kinds == Opcode.CHANNEL)].tolist()
-    allowance.describe(len(described))
-    for start in described:
-        parsed = _parsed(_record(content.data, start))
-        if isinstance(parsed, Channel):
-            channels[parsed.id] = True
-        if parsed is not None:
-            yield parsed
-    yield from _known(_messages(content), channels)
+class Block(NamedTuple):
+    """Messages whose channels are known."""
+
+    # content of a verified chunk, or the file where messages stand outside chunks
+    data: memoryview
+    starts: np.ndarray  # where the record of each message begins, shape (N,)
+    # where the record of the chunk begins in its file, and ends; None: outside chunks
+    place: tuple[int, int] | None = None
+
+    def heads(self) -> np.ndarray:
+        """Fields in front of the payloads, see MESSAGES, shape (N,)."""
+        return self.cut(0, MESSAGES.itemsize).view(MESSAGES)
+
+    def cut(self, begin: int, length: int, where: slice | np.ndarray = slice(None)) -> np.ndarray:
+        """Cut the same bytes out of many records.
+
+        Args:
+            begin: First byte, from the beginning of a record.
+            length: How many bytes, L.
+            where: Which messages, M of N.
+
+        Returns:
+            Shape (M,), of a type of L bytes.
+        """
+        kind = np.dtype(f'V{length}')
+        if not len(self.starts):
+            return np.empty(0, kind)
+        count = len(self.data) - length + 1
+        every = np.ndarray((count,), kind, self.data, strides=(1,))  # at each offset, overlapping
+        return every[self.starts[where] + begin]
+
+    def rows(self, channels: list[int] | None = None) -> Iterator[tuple[int, ...]]:
+        """Iterate over the messages.
+
+        Args:
+            channels: Numbers of the channels that are wanted; None: all.
+
+        Yields:
+            Channel, sequence number, log time and publish time [ns], and where in `data` the
+            payload begins and ends.
+        """
+        heads, starts = self.heads(), self.starts
+        if channels is not None:
+            here = np.isin(heads['channel'], channels)
+            heads, starts = heads[here], starts[here]
+        begins, ends = starts + HEAD + MESSAGE_HEAD, starts + HEAD + heads['length'].astype(int)
+        columns = [heads[name].tolist() for name in ('channel', 'sequence', 'log_time')]
+        columns += [heads['publish_time'].tolist(), begins.tolist(), ends.tolist()]
+        yield from zip(*columns, strict=True)
 
 
-def _messages(content: Content) -> Block:
-    return Block(content.data, content.starts[content.opcodes == Opcode.MESSAGE])
+@kernel
+def record_starts(
+    raw: np.ndarray, offset: int, stop: int, opcode: int, count: int
+) -> tuple[np.ndarray, int]:
+    """Find where records begin that follow one another.
+
+    Args:
+        raw: Bytes, shape (N,).
+        offset: Where the first begins.
+        stop: Where the last may end.
+        opcode: What they must be; 0 for any.
+        count: How many they may be.
+
+    Returns:
+        Their offsets, and where the last ends.
+    """
+    starts = np.empty(count, np.int64)
+    found = 0
+    while found < count and offset + 9 <= stop and (opcode == 0 or raw[offset] == opcode):
+        length = 0
+        for k in range(7):
+            length += int(raw[offset + 1 + k]) << (8 * k)
+        short = raw[offset] == 5 and length < 22
+        if raw[offset + 8] != 0 or length > stop - offset - 9 or short:
+            break
+        starts[found] = offset
+        found += 1
+        offset += 9 + length
+    return starts[:found].copy(), offset
 
 
-def _known(block: Block, channels: np.ndarray) -> Iterator[Block | Damage]:
-    """The messages of a block whose channels are known."""
-    heads = block.heads()
-    known = channels[heads['channel']]
-    if not known.all():
-        yield Damage('messages of unknown topics', int(heads['length'][~known].sum()))
-    if known.any():
-        yield Block(block.data, block.starts[known])
+class PackedChunk(NamedTuple):
+    """A chunk whose lengths fit together."""
+
+    compression: bytes  # key of UNPACK, or the name of another compression
+    size: int  # of the content [bytes]
+    crc: int  # CRC-32 of the content; 0: not known
+    packed: memoryview  # the packed content
+
+
+class Content(NamedTuple):
+    """Verified content of a chunk."""
+
+    data: memoryview  # the bytes
+    starts: np.ndarray  # where each record begins, shape (N,)
+    opcodes: np.ndarray  # their kinds, shape (N,)
+
+
+def packed_chunk(record: memoryview, exact: bool = False) -> PackedChunk | None:
+    """Parts of a chunk's record; None if its lengths are wrong or its compression has no name.
+
+    Args:
+        record: The record.
+        exact: Whether nothing may stand behind the content, as no recorder writes it.
+    """
+    if len(record) < HEAD + CHUNK_HEAD.size:
+        return None
+    _, _, size, crc, name_length = CHUNK_HEAD.unpack_from(record, HEAD)
+    name = bytes(record[HEAD + CHUNK_HEAD.size :][: min(name_length, LONGEST_NAME + 1)])
+    begin = HEAD + CHUNK_HEAD.size + name_length + LENGTH.size
+    named = name in UNPACK or (len(name) <= LONGEST_NAME and name.isalnum())
+    if begin > len(record) or not named:
+        return None
+    (length,) = LENGTH.unpack_from(record, begin - LENGTH.size)
+    if length > len(record) - begin or (exact and length < len(record) - begin):
+        return None
+    return PackedChunk(name, size, crc, record[begin : begin + length])
+
+
+def unknown_compression(record: memoryview) -> str:
+    """The compression of a chunk's record, where it is none of UNPACK; else empty."""
+    chunk = packed_chunk(record)
+    return '' if chunk is None or chunk.compression in UNPACK else chunk.compression.decode()
+
+
+def chunk_content(record: memoryview, allowance: Allowance) -> Content | None:
+    """Verified content of a chunk; None when it is damaged or its records do not fill it.
+
+    Raises:
+        BagError: it takes more than is allowed.
+    """
+    chunk = packed_chunk(record)
+    if chunk is None or chunk.compression not in UNPACK or chunk.size > CHUNK:
+        return None
+    allowance.unpack(chunk.size)
+    try:
+        data = UNPACK[chunk.compression](chunk.packed, chunk.size) if chunk.size else b''
+    except Exception:  # in broken bytes, anything can go wrong
+        return None
+    if len(data) != chunk.size or (chunk.crc and chunk.crc != crc32(data)):
+        return None
+    if not chunk.size:
+        return Content(memoryview(b''), np.empty(0, np.int64), np.empty(0, np.uint8))
+    raw = np.frombuffer(data, np.uint8)
+    most = min(len(raw) // HEAD, allowance.records + 1)
+    starts, end = record_starts(raw, 0, len(raw), 0, most)
+    allowance.walk(len(starts))
+    return Content(memoryview(data), starts, raw[starts]) if end == len(raw) else None
+
+
+def unpacked_payload(payload: bytes, allowance: Allowance) -> bytes:
+    """A payload, unpacked if its recorder packed each by itself; as it is when that fails.
+
+    Raises:
+        BagError: it takes more than is allowed.
+    """
+    if payload.startswith(zstandard.FRAME_HEADER):
+        with contextlib.suppress(zstandard.ZstdError):
+            size = zstandard.frame_content_size(payload)
+            if 0 <= size <= CHUNK:
+                allowance.unpack(size)
+                return _unpack_zstd(payload, size)
+    return payload
+
+
+def _unpack_zstd(packed: bytes | memoryview, size: int) -> bytes:
+    if zstandard.frame_content_size(packed) not in (-1, size):  # it would be allocated
+        raise ValueError
+    return zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+
+
+def _unpack_lz4(packed: memoryview, size: int) -> bytes:
+    return lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=size)
+
+
+UNPACK: dict[bytes, Callable[[memoryview, int], bytes | memoryview]] = {
+    b'': lambda packed, _: packed,
+    b'lz4': _unpack_lz4,
+    b'zstd': _unpack_zstd,
+}

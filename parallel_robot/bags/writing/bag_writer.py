@@ -2,82 +2,32 @@
 
 from __future__ import annotations
 
-import contextlib
 import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import yaml
-from mcap.data_stream import RecordBuilder
-from mcap.records import ChunkIndex
-from mcap.writer import Writer
 
 from parallel_robot.bags import output
 from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, Certificate
-from parallel_robot.bags.messages import message_rows
+from parallel_robot.bags.files.mcap_writer import McapWriter, Rows
 from parallel_robot.bags.messages.message_types import Channel, channel_of, profiles_of
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.processes.termination_signals import termination_signals
-
-# A file that always ends with its last whole record, also when the disk becomes full.
-
-
-class RecordFile:
-    """A file for mcap's writer: each write reaches the operating system whole or not at all."""
-
-    def __init__(self, path: Path) -> None:
-        self._file = path.open('xb', buffering=0)
-        self._end = 0
-        self.written_at = time.monotonic()  # time of the last write on the monotonic clock [s]
-
-    @property
-    def closed(self) -> bool:
-        """Whether the file is closed."""
-        return self._file.closed
-
-    def write(self, data: bytes) -> int:
-        """Append; at an error, take back what was written of `data` and close.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        rest = memoryview(data)
-        try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
-        except OSError:
-            with self._file, contextlib.suppress(OSError):
-                self._file.truncate(self._end)
-            raise
-        self._end += len(data)
-        self.written_at = time.monotonic()
-        return len(data)
-
-    def tell(self) -> int:
-        """Length of the file [bytes]."""
-        return self._end
-
-    def flush(self) -> None:
-        """Do nothing: writes are not buffered."""
-
-    def close(self) -> None:
-        """Close the file."""
-        self._file.close()
-
 
 ROS_DISTRO = 'jazzy'
 CHUNK_SIZE = 255 * 1024  # bytes; the message that crosses it still goes in: up to 256 KiB
 
 
-class BagWriter:
+class BagWriter(McapWriter):
     """Writes one bag, into a directory that must not exist yet.
 
     A finished chunk is handed to the operating system at once, so it survives the end of this
-    process. When the disk is full, the file ends with the last whole record.
+    process. When the disk is full or gone, OSError: the file ends with the last whole record.
     """
 
     def __init__(
@@ -95,118 +45,64 @@ class BagWriter:
             OSError: the disk is full or gone.
         """
         self.directory = Path(directory)  # the bag
-        # messages written, by topic name without leading slash
-        self.written: Counter[str] = Counter()
+        self.channels: dict[str, int] = {}  # their numbers, by topic name without leading slash
         # what :meth:`close` writes of the messages, by topic name; nothing if empty
         self.certificates: dict[str, Certificate] = {}
         self._metadata = dict(metadata)
-        self._first: int | None = None
-        self._last = 0
         self._path = output.create_directory(directory) / f'{self.directory.name}_0.mcap'
-        self._file = RecordFile(self._path)
-        self._writer = Writer(cast(Any, self._file), CHUNK_SIZE, enable_data_crcs=True)
-        vars(self._writer)['_Writer__chunk_indices'] = _PackedIndices()
-        self._writer.start('ros2', 'parallel_robot')
+        super().__init__(self._path, CHUNK_SIZE)
         if metadata:
-            self._writer.add_metadata(METADATA, self._metadata)
+            self.note(METADATA, self._metadata)
         self._schemas: dict[tuple[str, bytes], int] = {}
-        self._channels: dict[int, Channel] = {}
-        self._counts: Counter[int] = Counter()
+        self._described: dict[int, Channel] = {}
         self._describe()  # at both ends, as ROS's recorder: a file may lack its end
         self._caught: list[int] = []  # signals
         self._handlers: dict[int, Any] = {}
-        self._ids: dict[str, int] = {}  # numbers of channels by topic name
         for topic in topics:
             self.add(channel_of(topic))
+
+    @property
+    def written(self) -> Counter[str]:
+        """Messages written, by topic name without leading slash."""
+        counts = self.statistics().channel_message_counts
+        names = {number: name for name, number in self.channels.items()}
+        return Counter({names[number]: count for number, count in counts.items()})
 
     def add(self, channel: Channel) -> int:
         """Declare a channel; returns its number."""
         key = channel.type, channel.definition
         if key not in self._schemas:
-            self._schemas[key] = self._writer.register_schema(
-                channel.type, channel.encoding, channel.definition
-            )
-        number = self._writer.register_channel(
-            channel.topic, 'cdr', self._schemas[key], dict(channel.metadata)
-        )
-        self._channels[number] = channel
-        self._ids[channel.topic.lstrip('/')] = number
+            self._schemas[key] = self.schema(channel.type, channel.encoding, channel.definition)
+        facts = dict(channel.metadata)
+        number = self.channel(channel.topic, self._schemas[key], facts)
+        self._described[number] = channel
+        self.channels[channel.topic.lstrip('/')] = number
         return number
 
     def write(self, topic: str, log_time: int, data: bytes) -> None:
-        """Append one message; `log_time` in nanoseconds.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        self.append(self._ids[topic], log_time, data, log_time)
-        self.written[topic] += 1
+        """Append one message; `log_time` in nanoseconds."""
+        self.append(self.channels[topic], log_time, data, log_time)
 
     def append(
         self, channel: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
     ) -> None:
-        """Append one message of a channel by its number; times in nanoseconds.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
+        """Append one message of a channel by its number; times in nanoseconds."""
         if self._caught:
             self._raise_signals()
-        self._writer.add_message(channel, log_time, data, publish_time, sequence)
-        self._counts[channel] += 1
-        self._first = log_time if self._first is None else min(self._first, log_time)
-        self._last = max(self._last, log_time)
+        super().append(channel, log_time, data, publish_time, sequence)
 
-    def extend(self, streams: Sequence[message_rows.Rows]) -> None:
-        """Append many messages of many topics: the same bytes as by :meth:`write`, sooner.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        numbered = [(self._ids[rows.topic], rows) for rows in streams if len(rows.places)]
-        if not numbered:
-            return
-        batch, names = message_rows.batch_of(numbered), {n: rows.topic for n, rows in numbered}
-        for part in message_rows.write(self._writer, batch, CHUNK_SIZE):
-            for number, count in Counter(batch.channels[part].tolist()).items():
-                self._counts[number] += count
-                self.written[names[number]] += count
-            first, last = int(batch.log_times[part].min()), int(batch.log_times[part].max())
-            self._first = first if self._first is None else min(self._first, first)
-            self._last = max(self._last, last)
+    def extend(self, streams: Sequence[Rows]) -> None:
+        """Append many messages of many topics: the same bytes as by :meth:`write`, sooner."""
+        numbered = [(self.channels[rows.topic], rows) for rows in streams if len(rows.places)]
+        for _ in self.append_all(numbered) if numbered else ():
             if self._caught:
                 self._raise_signals()
 
-    @property
-    def size(self) -> int:
-        """Length of the file [bytes]."""
-        return self._file.tell()
-
-    def note(self, name: str, facts: Mapping[str, str]) -> None:
-        """Write a metadata record; unlike a message, it goes to the operating system at once.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        self._writer.add_metadata(name, dict(facts))
-
-    def attach(self, name: str, data: bytes, kind: str = 'text/plain', at: int = 0) -> None:
-        """Write an attachment of a media type, made at a time [ns]; 0: now.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        now = time.time_ns()
-        self._writer.add_attachment(at or now, now, name, kind, data)
-
     def flush(self, age: float = 0.0) -> None:
-        """Finish the open chunk if the file was last written at least `age` seconds ago.
-
-        Raises:
-            OSError: the disk is full or gone.
-        """
-        if time.monotonic() - self._file.written_at >= age:
-            self._writer.flush()
+        """Finish the open chunk if the file was last written at least `age` seconds ago."""
+        if time.monotonic() - self.written_at >= age:
+            self.finish_chunk()
+            self.written_at = time.monotonic()
 
     def close(self) -> None:
         """Complete the bag, or leave it as it was when the disk became full.
@@ -214,16 +110,16 @@ class BagWriter:
         Raises:
             OSError: the disk is full or gone; what is finished of the file stays.
         """
-        if self._file.closed:
+        if self.closed:
             return
         try:
             if self.certificates:
                 certified = {name: found.dump() for name, found in self.certificates.items()}
-                self._writer.add_metadata(MESSAGES, certified)
+                self.note(MESSAGES, certified)
             self._describe()
-            self._writer.finish()
+            self.finish()
         finally:
-            self._file.close()
+            super().close()
         text = _yaml({'rosbag2_bagfile_information': self._information()})
         draft = self.directory / 'metadata.yaml.part'
         try:
@@ -236,15 +132,16 @@ class BagWriter:
     def _describe(self) -> None:
         """Write what rosbag2_storage_mcap reads of a file without its metadata.yaml."""
         texts = {'serialized_metadata': _yaml(self._information()), 'ROS_DISTRO': ROS_DISTRO}
-        self._writer.add_metadata(ROSBAG2, texts)
+        self.note(ROSBAG2, texts)
 
     def _information(self) -> dict[str, Any]:
         """Content of metadata.yaml."""
-        name = self._path.name
+        name, statistics = self._path.name, self.statistics()
+        first, counts = statistics.message_start_time, statistics.channel_message_counts
         span = {
-            'duration': {'nanoseconds': self._last - (self._first or 0)},
-            'starting_time': {'nanoseconds_since_epoch': self._first or 0},
-            'message_count': self._counts.total(),
+            'duration': {'nanoseconds': statistics.message_end_time - first},
+            'starting_time': {'nanoseconds_since_epoch': first},
+            'message_count': statistics.message_count,
         }
         return {
             'version': 9,
@@ -259,9 +156,9 @@ class BagWriter:
                         'offered_qos_profiles': profiles_of(channel),
                         'type_description_hash': dict(channel.metadata).get('topic_type_hash', ''),
                     },
-                    'message_count': self._counts[number],
+                    'message_count': counts.get(number, 0),
                 }
-                for number, channel in self._channels.items()
+                for number, channel in self._described.items()
             ],
             'compression_format': '',
             'compression_mode': '',
@@ -292,28 +189,6 @@ class BagWriter:
     def _raise_signals(self) -> None:
         for number in self._caught:
             raise KeyboardInterrupt if number == signal.SIGINT else SystemExit(128 + number)
-
-
-class _PackedIndices:
-    """Indices of all chunks, which the summary at the end repeats: their records alone."""
-
-    def __init__(self) -> None:
-        self._records = bytearray()
-
-    def append(self, index: ChunkIndex) -> None:
-        """Take the index of a chunk."""
-        builder = RecordBuilder()
-        index.write(builder)
-        self._records += builder.end()
-
-    def __iter__(self) -> Iterator[_PackedIndices]:
-        """As mcap's writer goes through them: all at once."""
-        yield self
-
-    def write(self, builder: RecordBuilder) -> None:
-        """Append the records to a record builder, and give them up."""
-        builder.write(self._records)
-        self._records = bytearray()
 
 
 # Written in C where that is installed: ten times faster.

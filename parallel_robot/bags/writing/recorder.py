@@ -353,10 +353,9 @@ class Recorder:
         if self._writer is None:
             return []
         self._thread.join()
-        certificates = self._writer.certificates
+        certificates, counts = self._writer.certificates, self._writer.written
         for topic in self._streams:
-            written = self._writer.written[topic.name]
-            certificates[topic.name] = Certificate(written, self.lost(topic))
+            certificates[topic.name] = Certificate(counts[topic.name], self.lost(topic))
         try:
             self._writer.close()
         except OSError as error:
@@ -376,7 +375,7 @@ class Recorder:
                 while not self._queue.empty():
                     stream, log_time, data = self._queue.get()
                     name = stream.topic.name
-                    if name not in self._writer.written and stream.topic not in self._suite:
+                    if name not in self._writer.channels:
                         self._writer.add(stream.channel)
                     self._writer.write(name, log_time, data)
                 if last:

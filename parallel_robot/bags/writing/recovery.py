@@ -13,8 +13,8 @@ from mcap import records as mcap
 
 from parallel_robot.bags.files import bag_files, bag_kinds
 from parallel_robot.bags.files.bag_files import MESSAGES, METADATA, ROSBAG2, File, open_file
-from parallel_robot.bags.files.mcap_chunks import Block, unpacked_payload
-from parallel_robot.bags.files.mcap_records import Damage
+from parallel_robot.bags.files.mcap_reader import Damage
+from parallel_robot.bags.files.mcap_records import Block, unpacked_payload
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.messages.message_types import Channel
 from parallel_robot.bags.output import Progress, check_directory

@@ -12,7 +12,7 @@ import numpy as np
 from parallel_robot.bags import trust
 from parallel_robot.bags.experiment import SIMULATION, describe
 from parallel_robot.bags.files.bag_files import Certificate
-from parallel_robot.bags.messages.message_rows import Rows
+from parallel_robot.bags.files.mcap_writer import Rows
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_control.estimation.lock_in import delay_text
@@ -84,9 +84,8 @@ def write(directory: str | Path, values: Mapping[str, Any], parts: Iterable[Simu
             if following is None:
                 break
             part = following
-        writer.certificates = {
-            topic.name: Certificate(writer.written[topic.name], 0) for topic in suite
-        }
+        counts = writer.written
+        writer.certificates = {topic.name: Certificate(counts[topic.name], 0) for topic in suite}
 
 
 def _pieces(streams: Sequence[Rows], count: int) -> Iterator[list[Rows]]:
