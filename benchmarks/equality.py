@@ -60,8 +60,6 @@ OWN = {
     r'(in ROS domain )\d+': r'\1DOMAIN',  # one for each side
     r'(<dc:date>)[^<]*': r'\1DATE',  # of pictures
     r'(?<=["#])[pm][0-9a-f]{10}(?=[")])': 'ID',  # random names of clips and markers in pictures
-    r'("worker_id":)"[0-9a-f-]+"': r'\1"ID"',  # who searches, and when, in the journal of tune
-    r'("datetime_(start|complete)":)"[^"]*"': r'\1"TIME"',
     r'\b\d+\.\d+\.\d+ [0-9a-f]{16}(?=, numba )': 'VERSION',  # a hash of the sources
 }
 MEMBER = re.compile(r' +"[\w/]+": ')  # of an object of JSON, which has no order

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies.tuning import front
-from parallel_robot.studies.tuning.store import Store
+from parallel_robot.studies.tuning.tune import Store
 from parallel_robot_model.common.errors import InputError
 
 TABLE = """trial,chosen,xy_rms_m,chattering_nm,Kp

@@ -38,8 +38,8 @@ from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning.front import front
 from parallel_robot.studies.tuning.space import space_of
-from parallel_robot.studies.tuning.store import Store as TuningStore
 from parallel_robot.studies.tuning.trial import Effort, Trial
+from parallel_robot.studies.tuning.tune import Store as TuningStore
 from parallel_robot.studies.tuning.tune import Tuning
 from parallel_robot.studies.tuning.tune import run as run_tuning
 from parallel_robot_control.configuration import available
@@ -130,7 +130,7 @@ def _tuned_gains(
     space = space_of(law, known, nominal, asked.bounds, search)
     limit = asked.chattering * robot.force
     tuning = Tuning(plan, space, None, asked.seed, Effort(MEASURE, limit, plan.units))
-    with TuningStore(directory, space, tuning.identity()) as store:
+    with TuningStore(directory, tuning.identity()) as store:
         trials = run_tuning(tuning, store, asked.trials, workers)
     taken = best(trials, limit)
     if taken is None:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.studies.calm import Calm
-from parallel_robot.studies.locked_directory import LockedDirectory
+from parallel_robot.studies.result_store import ResultStore
 from parallel_robot.studies.sweep.statistics import Estimate, sectioned
-from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array, rounded
 
 # The directory of a benchmark: runs and limits, a line each, kept as soon as they are known.
@@ -46,7 +43,7 @@ class RunFigures(NamedTuple):
     energy: float = math.nan  # energy of the motors [J]
 
 
-class Store(LockedDirectory):
+class Store(ResultStore):
     """The directory of a benchmark."""
 
     KIND = 'benchmark'
@@ -81,41 +78,28 @@ class Store(LockedDirectory):
             [sample, None if calm is None else [each.tolist() for each in calm]]
             for sample, calm in limits.items()
         ]
-        self._append(LIMITS, lines)
-        self._append(RUNS, ([*key, *_finite(figures)] for key, figures in runs.items()))
+        self.append(LIMITS, lines)
+        self.append(RUNS, ([*key, *_finite(figures)] for key, figures in runs.items()))
         self.limits |= limits
         self.runs |= runs
 
     def _kept(self) -> str:
         return f'{len(self.runs)} runs'
 
-    def _append(self, name: str, lines: Iterable[Any]) -> None:
-        path = self.directory / name
-        text = ''.join(json.dumps(line) + '\n' for line in lines)
-        try:
-            with path.open('a') as stream:
-                stream.write(text)
-                stream.flush()
-                os.fsync(stream.fileno())
-        except OSError as error:
-            raise self._full(path, error) from None
-
     def _open(self) -> None:
         self.searches.mkdir(exist_ok=True)
         self._identify()
-        for line in self._lines(LIMITS):
-            sample, calm = line
-            self.limits[sample] = None if calm is None else Calm(*map(np.asarray, calm))
-        for law, gains, sample, status, reason, *figures in self._lines(RUNS):
-            numbers = [math.nan if each is None else each for each in figures]
-            self.runs[RunKey(law, gains, sample)] = RunFigures(status, reason, *numbers)
+        self.read(LIMITS, self._take_limit)
+        self.read(RUNS, self._take_run)
 
-    def _lines(self, name: str) -> list[Any]:
-        try:
-            return [json.loads(line) for line in self._whole_lines(name).splitlines()]
-        except ValueError:
-            path = self.directory / name
-            raise InputError(f'{path} cannot be read; choose another --out') from None
+    def _take_limit(self, line: Any) -> None:
+        sample, calm = line
+        self.limits[sample] = None if calm is None else Calm(*map(np.asarray, calm))
+
+    def _take_run(self, line: Any) -> None:
+        law, gains, sample, status, reason, *figures = line
+        numbers = [math.nan if each is None else each for each in figures]
+        self.runs[RunKey(law, gains, sample)] = RunFigures(status, reason, *numbers)
 
 
 def _finite(figures: RunFigures) -> list[Any]:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.analysis.metrics import METRICS, Metrics
-from parallel_robot.studies.locked_directory import LOCK, LockedDirectory
+from parallel_robot.studies.result_store import LOCK, ResultStore
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import Plan, Row, plan
 from parallel_robot.studies.sweep.run_chunk import Floor, Outcome, version
@@ -134,7 +134,7 @@ STUDY, RUNS, PARTS = 'study.yaml', 'runs.parquet', 'parts'
 WINDOW = 65536  # rows that are merged at once, about
 
 
-class Store(LockedDirectory):
+class Store(ResultStore):
     """The directory of a sweep."""
 
     KIND = 'sweep'

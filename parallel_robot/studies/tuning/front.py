@@ -16,8 +16,8 @@ from parallel_robot.analysis.report.looks import RUNS, label, law_label
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.tuning import output
-from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
+from parallel_robot.studies.tuning.tune import Store
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Table

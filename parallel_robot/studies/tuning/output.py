@@ -15,9 +15,8 @@ from parallel_robot.analysis.metrics import Metric
 from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, law_label
 from parallel_robot.bags.output import without_mathematics
-from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import Trial, Verdict
-from parallel_robot.studies.tuning.tune import Tuning
+from parallel_robot.studies.tuning.tune import Store, Tuning
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import comma_separated
 from parallel_robot_model.configuration.fields import Field

@@ -9,16 +9,17 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
+from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.metrics import Metric
+from parallel_robot.studies.result_store import ResultStore
 from parallel_robot.studies.sweep.plan import Plan
 from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.sweep.run_chunk import Outcome, Task, version
 from parallel_robot.studies.sweep.sweep import progress
 from parallel_robot.studies.sweep.workers import Workers, completed
 from parallel_robot.studies.tuning.space import Space, Value, objection
-from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import (
     BATCH,
     FORBIDDEN,
@@ -130,6 +131,47 @@ class Tuning:
             'configuration': of_study['configuration'],
             'search space': self.space.description(),
         }
+
+
+TRIALS = 'trials.jsonl'
+
+
+class Store(ResultStore):
+    """The directory of a tuning: its trials, a line each, kept as soon as they have ended."""
+
+    KIND = 'tuning'
+    MANIFEST = 'tune.json'
+    FORMAT = 'parallel_robot tune 1'
+
+    def __init__(self, directory: Path, identity: Mapping[str, Any]) -> None:
+        """Prepare the directory for a tuning, or to go on in it.
+
+        Args:
+            directory: The directory.
+            identity: What the trials depend on, plain data by name; another one is refused.
+        """
+        super().__init__(directory, identity)
+        self.trials: dict[int, Trial] = {}  # finished trials by number
+
+    def add(self, trial: Trial) -> None:
+        """Keep a finished trial.
+
+        Raises:
+            RunError: it cannot be written.
+        """
+        self.append(TRIALS, [vars(trial)])
+        self.trials[trial.number] = trial
+
+    def _kept(self) -> str:
+        return f'{len(self.trials)} trials'
+
+    def _open(self) -> None:
+        self._identify()
+        self.read(TRIALS, self._take)
+
+    def _take(self, entry: Any) -> None:
+        trial = Trial(**entry)
+        self.trials[trial.number] = trial
 
 
 def run(

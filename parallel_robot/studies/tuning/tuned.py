@@ -16,9 +16,8 @@ from parallel_robot.studies.tuning import output, trial
 from parallel_robot.studies.tuning.front import choose, front
 from parallel_robot.studies.tuning.output import Result
 from parallel_robot.studies.tuning.space import at_ends, doubts, space_of, unit_of
-from parallel_robot.studies.tuning.store import Store
 from parallel_robot.studies.tuning.trial import Effort, Verdict, library
-from parallel_robot.studies.tuning.tune import Tuning, infeasible, run
+from parallel_robot.studies.tuning.tune import Store, Tuning, infeasible, run
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import available, resolve
 from parallel_robot_model.common.errors import (
@@ -252,7 +251,7 @@ def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
     rule = asked.rule(tuning)
     count, workers = asked.count(rule), Processes(worker_count(asked.workers, '--workers'))
     fields = unit_of(tuning.law)
-    with Store(out, tuning.space, tuning.identity()) as store:
+    with Store(out, tuning.identity()) as store:
         found = run(tuning, store, count, workers, rule if asked.until_converged else None)
         points = front(found)
         if not points:

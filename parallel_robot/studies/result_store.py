@@ -1,4 +1,4 @@
-"""A directory of results: one process writes it, every file is complete or not there."""
+"""A directory of results that goes on after a kill: one process writes it, files are whole."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import contextlib
 import fcntl
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any, ClassVar, TypeVar
 
@@ -15,11 +15,15 @@ from parallel_robot_model.common.errors import InputError, RunError
 
 LOCK = 'lock'
 UNFINISHED = '.unfinished'  # suffix of a file that is being written
-Self = TypeVar('Self', bound='LockedDirectory')  # typing has it from Python 3.11 on
+Self = TypeVar('Self', bound='ResultStore')  # typing has it from Python 3.11 on
 
 
-class LockedDirectory(abc.ABC):
-    """A context manager that holds the lock of a directory with a manifest."""
+class ResultStore(abc.ABC):
+    """A context manager that holds the lock of a directory with a manifest.
+
+    Results are kept as soon as they are added: as lines of JSON, or as files that are complete or
+    not there.
+    """
 
     KIND: ClassVar[str]  # what it holds the results of
     MANIFEST: ClassVar[str]  # file that tells whose results these are
@@ -115,14 +119,39 @@ class LockedDirectory(abc.ABC):
         text = json.dumps({'format': self.FORMAT, **self._identity}, indent=1)
         self.write(self.MANIFEST, text.encode())
 
-    def _whole_lines(self, name: str) -> bytes:
-        """Content of a file, from which a last line that a kill or a full disk cut is taken."""
-        with (self.directory / name).open('ab+') as stream:
+    def append(self, name: str, entries: Iterable[Any]) -> None:
+        """Add entries to a file, one line of JSON each.
+
+        Raises:
+            RunError: they cannot be written.
+        """
+        path = self.directory / name
+        text = ''.join(json.dumps(entry) + '\n' for entry in entries)
+        try:
+            with path.open('a') as stream:
+                stream.write(text)
+                stream.flush()
+                os.fsync(stream.fileno())
+        except OSError as error:
+            raise self._full(path, error) from None
+
+    def read(self, name: str, take: Callable[[Any], None]) -> None:
+        """Take the entries of a file, without a last one that a kill or a full disk cut.
+
+        Raises:
+            InputError: it has others.
+        """
+        path = self.directory / name
+        with path.open('ab+') as stream:
             stream.seek(0)
             content = stream.read()
             whole = content[: content.rfind(b'\n') + 1]
             stream.truncate(len(whole))
-        return whole
+        try:
+            for line in whole.splitlines():
+                take(json.loads(line))
+        except (TypeError, ValueError):
+            raise InputError(f'{path} cannot be read; choose another --out') from None
 
     @classmethod
     def manifest(cls, directory: Path) -> dict[str, Any]:
