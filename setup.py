@@ -77,7 +77,6 @@ setup(
         'parallel_robot.studies',
         'parallel_robot.studies.benchmark',
         'parallel_robot.studies.calibration',
-        'parallel_robot.studies.estimation',
         'parallel_robot.studies.identification',
         'parallel_robot.studies.sweep',
         'parallel_robot.studies.tuning',

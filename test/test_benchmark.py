@@ -17,10 +17,9 @@ import parallel_robot as pr
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.benchmark import benchmark, judged_runs
-from parallel_robot.studies.benchmark.benchmark import benchmarked
+from parallel_robot.studies.benchmark.benchmark import benchmarked, differences
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import conditions, planned, read, rows, seed_from
-from parallel_robot.studies.benchmark.result import differences
 from parallel_robot.studies.benchmark.scores import RunFigures, ScoredRun, score, summarised
 from parallel_robot.studies.calm import Calm
 from parallel_robot.studies.sweep.study import Variant

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from test_calibration import Case
 
-from parallel_robot.studies.calibration import least_squares, outliers
+from parallel_robot.studies.calibration import least_squares
+from parallel_robot.studies.calibration.least_squares import Sifted
 from parallel_robot.studies.calibration.likely_cause import likely_cause
-from parallel_robot.studies.calibration.outliers import Sifted
 from parallel_robot_model.common.errors import BagError
 
 
@@ -67,7 +67,7 @@ def test_outliers_are_named_and_no_other_pose_is(arm, spoil, share):
     for seed in range(3):
         truth, pose = arm.measured(seed, 1e-3, 2e-3)
         pose, rows = spoiled(arm, pose, share, spoil, seed)
-        found, tried = outliers.search(arm.model(pose))
+        found, tried = least_squares.search(arm.model(pose))
         assert named(found) == rows and tried.agreeing == tried.tried == 1
         assert len(found.used.nominal) == len(pose) - len(rows)
         off = np.abs(found.found.values[:-1] - truth)
@@ -80,7 +80,7 @@ def test_outliers_are_named_and_no_other_pose_is(arm, spoil, share):
 def test_outliers_of_a_parallel_robot_are_named(parallel, spoil):
     truth, pose = parallel.measured(3, 1e-3, 2e-3)
     pose, rows = spoiled(parallel, pose, 0.2, spoil)
-    found, _ = outliers.search(parallel.model(pose))
+    found, _ = least_squares.search(parallel.model(pose))
     assert named(found) == rows
     off = np.abs(found.found.values[:-1] - truth)
     assert (off < 2.0 * found.found.half_widths[:-1]).all()
@@ -95,7 +95,7 @@ def test_a_tracker_somewhere_is_found_beside_outliers(parallel, free, spoil):
     pose = np.column_stack([seen.real, seen.imag, pose[:, 2] + 2.5])
     pose, rows = spoiled(parallel, pose, 0.2, spoil)
     model = parallel.model(pose, free=free)
-    found, _ = outliers.search(model)
+    found, _ = least_squares.search(model)
     assert likely_cause(model, free) is None
     assert named(found) == rows and found.found.noise[0] < 1.5e-5
 
@@ -116,14 +116,14 @@ def test_a_cause_of_most_poses_is_named_beside_outliers_and_that_of_a_few_is_not
     few, rows = parallel.pose.copy(), np.arange(0, 40, 5)
     few[rows] = change(few)[rows]
     assert likely_cause(parallel.model(few), ()) is None
-    assert named(outliers.search(parallel.model(few))[0]) == {*rows.tolist()}
+    assert named(least_squares.search(parallel.model(few))[0]) == {*rows.tolist()}
 
 
 def test_clean_poses_are_hardly_ever_named_and_the_estimate_is_that_of_least_squares(arm):
     alarms = 0
     for seed in range(60):
         _, pose = arm.measured(seed, 1e-3, 2e-3)
-        found, _ = outliers.search(arm.model(pose))
+        found, _ = least_squares.search(arm.model(pose))
         alarms += bool(found.outliers)
         if not found.outliers:
             plain = least_squares.fit(arm.model(pose))
@@ -138,7 +138,7 @@ def test_intervals_hold_with_outliers_and_are_hardly_wider(arm):
         truth, pose = arm.measured(seed, 1e-3, 2e-3)
         clean = least_squares.fit(arm.model(pose))
         pose, _ = spoiled(arm, pose, 0.05, far, seed)
-        found = outliers.search(arm.model(pose))[0].found
+        found = least_squares.search(arm.model(pose))[0].found
         inside += (np.abs(found.values - np.append(truth, 0.0)) <= found.half_widths)[:-1].tolist()
         wider.append(found.half_widths[:-1] / clean.half_widths[:-1])
     assert 0.92 <= np.mean(inside) <= 0.98
@@ -150,15 +150,15 @@ def test_few_poses_are_not_called_outliers(parallel):
     few = Case('paper_circle', 14)
     for seed in range(5):
         _, pose = few.measured(seed, 1e-3, 2e-3)
-        assert not outliers.search(few.model(pose))[0].outliers
+        assert not least_squares.search(few.model(pose))[0].outliers
 
 
 def test_where_much_is_left_more_starts_are_tried_and_agree(arm):
     """A bad tracker, of 3 mm of noise: twice the same."""
     _, pose = arm.measured(1, noise=300.0)
-    found, tried = outliers.search(arm.model(pose))
-    assert not found.outliers and tried == (outliers.STARTS, outliers.STARTS, 0)
-    again, _ = outliers.search(arm.model(pose))
+    found, tried = least_squares.search(arm.model(pose))
+    assert not found.outliers and tried == (least_squares.STARTS, least_squares.STARTS, 0)
+    again, _ = least_squares.search(arm.model(pose))
     assert np.array_equal(again.found.values, found.found.values)
 
 
@@ -177,8 +177,8 @@ def test_one_answer_of_several_starts_is_the_best(arm, monkeypatch):
             raise BagError('least squares do not end')
         return Sifted(model, replace(best, values=values), ())
 
-    monkeypatch.setattr(outliers, 'sifted', sifted)
-    found, tried = outliers.search(model)
+    monkeypatch.setattr(least_squares, 'sifted', sifted)
+    found, tried = least_squares.search(model)
     np.testing.assert_allclose(found.found.values, best.values, atol=2e-9)
     assert tried == (5, 2, 1)
     assert np.array_equal(begun[0], model.start)

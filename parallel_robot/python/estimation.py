@@ -12,7 +12,7 @@ from parallel_robot.studies.calibration import bag_calibration
 from parallel_robot.studies.calibration.calibrated import Calibration
 from parallel_robot.studies.calibration.design import Designed
 from parallel_robot.studies.calibration.design import design as designed
-from parallel_robot.studies.estimation.result_files import check_files
+from parallel_robot.studies.estimate import check_files
 from parallel_robot.studies.identification import bag_identification
 from parallel_robot.studies.identification.design import Designed as ExcitingMotion
 from parallel_robot.studies.identification.design import search

@@ -12,10 +12,9 @@ from parallel_robot.bags.writing import recovery
 from parallel_robot.bags.writing.recovery import Recovery
 from parallel_robot.python import arguments
 from parallel_robot.studies import least_errors
-from parallel_robot.studies.benchmark.benchmark import benchmarked
+from parallel_robot.studies.benchmark.benchmark import Scores, benchmarked
 from parallel_robot.studies.benchmark.judged_runs import competitors
 from parallel_robot.studies.benchmark.protocol import DEFAULT, read
-from parallel_robot.studies.benchmark.result import Scores
 from parallel_robot.studies.calm import REST
 from parallel_robot.studies.sweep.sweep import worker_count
 from parallel_robot.studies.sweep.workers import Processes

@@ -67,9 +67,6 @@ def scan(
         data: The file.
         allowance: Budget for reading it.
         skipped: Where chunks begin that are not wanted.
-
-    Raises:
-        BagError: it takes more.
     """
     summary, repeated = summarised(data, allowance)
     yield from repeated

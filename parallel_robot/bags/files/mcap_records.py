@@ -216,11 +216,7 @@ def unknown_compression(record: memoryview) -> str:
 
 
 def chunk_content(record: memoryview, allowance: Allowance) -> Content | None:
-    """Verified content of a chunk; None when it is damaged or its records do not fill it.
-
-    Raises:
-        BagError: it takes more than is allowed.
-    """
+    """Verified content of a chunk; None when it is damaged or its records do not fill it."""
     chunk = packed_chunk(record)
     if chunk is None or chunk.compression not in UNPACK or chunk.size > CHUNK:
         return None

@@ -17,7 +17,7 @@ from parallel_robot.cli.shared import (
 )
 from parallel_robot.studies.calibration import bag_calibration, design
 from parallel_robot.studies.calibration.tracker import FREE
-from parallel_robot.studies.estimation.result_files import check_files
+from parallel_robot.studies.estimate import check_files
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from parallel_robot.bags.run import joint_table
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import add_bag_arguments, add_format_argument, bag_view, show, warn
-from parallel_robot.studies.estimation.result_files import check_files
+from parallel_robot.studies.estimate import check_files
 from parallel_robot.studies.identification import bag_identification, design
 from parallel_robot.studies.identification.design import SEED, TRIALS
 from parallel_robot.studies.identification.regression_rows import CUTOFF

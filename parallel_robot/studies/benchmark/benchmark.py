@@ -2,34 +2,300 @@
 
 from __future__ import annotations
 
+import base64
+import html
+import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+
+from parallel_robot.analysis.report.figures import encoded
+from parallel_robot.bags.experiment import software
 from parallel_robot.studies.benchmark import protocol as protocols
 from parallel_robot.studies.benchmark.judged_runs import (
     SHIPPED,
+    TUNED,
     Competitors,
+    Gains,
     competitors,
+    digest,
     identity,
     run,
     search,
 )
 from parallel_robot.studies.benchmark.protocol import Protocol
-from parallel_robot.studies.benchmark.result import (
-    MOST_DIFFERENCES,
-    Scores,
-    differences,
-    facts_of,
-    files,
-    read,
+from parallel_robot.studies.benchmark.scores import (
+    WHOLE,
+    ScoredRun,
+    Store,
+    Summary,
+    as_data,
+    by_label,
 )
-from parallel_robot.studies.benchmark.scores import Store
+from parallel_robot.studies.sweep.run_chunk import version
+from parallel_robot.studies.sweep.summary import STYLE, cells
 from parallel_robot.studies.sweep.workers import Workers
+from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common.errors import InputError, printable
-from parallel_robot_model.common.tables import Part, ShownResult
+from parallel_robot_model.common.tables import Part, ShownResult, Table
+
+# The result of a benchmark: as tables, as JSON, and what differs between two.
+
+FORMAT = 'parallel_robot benchmark score 1'
+OF_MACHINE = ('machine', 'seconds')  # what may differ between two of the same benchmark
+MOST_DIFFERENCES = 10  # that are told
+
+
+@dataclass(frozen=True, repr=False)
+class Scores(ShownResult):
+    """The scores of a benchmark."""
+
+    protocol: Protocol
+    phrase: str | None  # the phrase from which its samples were drawn; None for the public ones
+    laws: Competitors
+    gains: Gains  # their tuned gains by law and robot
+    runs: Mapping[str, Mapping[str, list[ScoredRun]]]  # law, and 'default' or 'tuned', to its runs
+    seconds: float  # how long it took [s]
+
+    @cached_property
+    def summaries(self) -> list[tuple[str, str, dict[str, dict[str, Summary]]]]:
+        """Law, kind of gains, and the summaries of its runs by label and value."""
+        return [
+            (law, kind, by_label(runs))
+            for law, kinds in self.runs.items()
+            for kind, runs in kinds.items()
+        ]
+
+    @property
+    def count(self) -> int:
+        """Number of runs of each law with one kind of gains."""
+        return len(next(iter(next(iter(self.runs.values())).values())))
+
+    def parts(self) -> list[Part]:
+        """The scores, and those of each robot, mix, speed and age."""
+        every = sorted(self.summaries, key=lambda each: -each[2][WHOLE][WHOLE].median.value)
+        rows, groups = [], []
+        for law, kind, found in every:
+            whole = found[WHOLE][WHOLE]
+            failed = str(whole.failed) if whole.failed else ''
+            rows.append([law, kind, _interval(whole.median), _interval(whole.tail), failed])
+            medians = [
+                f'{summary.median.value:.3f}'
+                for label in ('robot', 'mix', 'age')
+                for summary in found[label].values()
+            ]
+            groups.append([law, kind, *medians])
+        heads = [value for label in ('robot', 'mix', 'age') for value in every[0][2][label]]
+        below = sum(found[WHOLE][WHOLE].below for *_, found in every)
+        return [
+            *self.head(),
+            Table(['law', 'gains', 'score', '5 % tail', 'failed'], rows, 'llrrr'),
+            '\nmedian scores',
+            Table(['law', 'gains', *heads], groups, 'll' + 'r' * len(heads)),
+            *(
+                [f'{below} runs are below the limit, which is one of the mean over long runs']
+                if below
+                else []
+            ),
+        ]
+
+    def head(self) -> list[str]:
+        """What it is the result of, in two lines."""
+        protocol = self.protocol
+        seeds = 'public samples' if self.phrase is None else f'samples of "{self.phrase}"'
+        what = f'protocol {protocol.version} ({protocol.digest[:12]}), {seeds}'
+        quick = ' A first look (--quick), not the protocol.' if protocol.quick else ''
+        return [
+            f'{what}, {self.count} runs of each law with its default and its tuned gains.{quick}',
+            'score: least error of any controller at the chattering of the run, over its true '
+            'error; median of the runs, and the 5 % tail, with 95 % intervals',
+        ]
+
+    def as_data(self) -> dict[str, Any]:
+        """All of it as plain data, for JSON."""
+        laws: dict[str, Any] = {}
+        sources = self.laws.sources()
+        for law, kind, found in self.summaries:
+            entry = laws.setdefault(law, {'source': sources[law]})
+            entry[kind] = {
+                label: {value: as_data(each) for value, each in of_label.items()}
+                for label, of_label in found.items()
+            }
+            if kind == TUNED:
+                entry['gains'] = {
+                    robot: {'within_effort': each.within, **each.values}
+                    for robot, each in self.gains[law].items()
+                }
+        facts = software()
+        return {
+            'format': FORMAT,
+            'protocol': facts_of(self.protocol, self.phrase),
+            'suite': version(),
+            'laws': laws,
+            'runs_sha256': digest(self.runs),
+            'machine': {key: facts[key] for key in facts if key not in ('version', 'revision')},
+            'seconds': round(self.seconds, 1),
+        }
+
+    def json(self) -> str:
+        """The same as text."""
+        return json.dumps(self.as_data(), indent=1) + '\n'
+
+
+def facts_of(protocol: Protocol, phrase: str | None) -> dict[str, Any]:
+    """What a score says of its protocol."""
+    return {
+        'name': protocol.name,
+        'version': protocol.version,
+        'sha256': protocol.digest,
+        'quick': protocol.quick,
+        'phrase': phrase,
+        'seed': protocol.seed,
+    }
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Read the score of a benchmark.
+
+    Raises:
+        InputError: it is none.
+    """
+    try:
+        found = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f'cannot read {path}: {error.strerror}') from None
+    except ValueError:
+        found = None
+    if not isinstance(found, dict) or found.get('format') != FORMAT:
+        raise InputError(f'{path} is not the score of a benchmark of this version')
+    return found
+
+
+def differences(given: Mapping[str, Any], ours: Mapping[str, Any]) -> list[str]:
+    """What differs between two scores, but for the machine and the time, a line each."""
+    parts = ({k: v for k, v in each.items() if k not in OF_MACHINE} for each in (given, ours))
+    return [*_differences('', *parts)]
+
+
+def _differences(where: str, given: Any, ours: Any) -> Iterator[str]:
+    if isinstance(given, dict) and isinstance(ours, dict):
+        for key in {**given, **ours}:
+            below = f'{where}.{key}' if where else key
+            if key not in given or key not in ours:
+                yield f'{printable(below)} is only {"here" if key not in given else "in the file"}'
+            else:
+                yield from _differences(below, given[key], ours[key])
+    elif given != ours:
+        yield f'{printable(where)}: {printable(given)} in the file, {ours} here'
+
+
+def _interval(estimate: Any) -> str:
+    return f'{estimate.value:.3f} [{estimate.low:.3f}, {estimate.high:.3f}]'
+
+
+# The page of a benchmark, as HTML and PDF: scores with their intervals, and by condition.
+
+TITLE = 'Benchmark'
+WIDTH, LINE, MARGIN = 11.0, 0.26, 2.2  # in; LINE of a law with one kind of gains
+LABELS = ('robot', 'mix', 'age', 'speed')
+COLOURS = {TUNED: '#1f5a8f'}
+PLAIN = '#8a8a8a'
+
+
+def files(scores: Scores) -> dict[str, bytes]:
+    """The page by name of its file."""
+    pictures = encoded(_figure(scores), ('png', 'pdf'))
+    return {
+        'page.html': _html(scores, pictures['png']).encode(),
+        'page.pdf': pictures['pdf'],
+    }
+
+
+def _html(scores: Scores, picture: bytes) -> str:
+    parts = [f'<p>{html.escape(line)}</p>' for line in scores.head()]
+    text = base64.b64encode(picture).decode()
+    parts.append(f'<img alt="Scores of the laws" src="data:image/png;base64,{text}">')
+    for part in [*scores.parts()[len(scores.head()) :], *_by_robot(scores)]:
+        if isinstance(part, Table):
+            rows = [('th', part.head), *(('td', row) for row in part.rows)]
+            lines = (cells(row, tag) for tag, row in rows)
+            parts.append('<table>' + '\n'.join(lines) + '</table>')
+        else:
+            parts.append(f'<h2>{html.escape(part.strip())}</h2>')
+    return (
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<title>{TITLE}</title><style>{STYLE}</style></head><body><h1>{TITLE}</h1>\n'
+        + '\n'.join(parts)
+        + '</body></html>\n'
+    )
+
+
+def _by_robot(scores: Scores) -> list[Any]:
+    """What laws spend on each robot."""
+    heads = ['law', 'gains', 'score', '5 % tail', 'chattering', 'torque', 'energy [J]']
+    tables: dict[str, list[list[str]]] = {}
+    for law, kind, found in scores.summaries:
+        for robot, each in found['robot'].items():
+            spent = [f'{value:.4g}' for value in (each.chattering, each.torque, each.energy)]
+            figures = [f'{each.median.value:.3f}', f'{each.tail.value:.3f}', *spent]
+            tables.setdefault(robot, []).append([law, kind, *figures])
+    units = {robot.name: robot.unit for robot in scores.protocol.robots}
+    parts: list[Any] = []
+    for robot, rows in tables.items():
+        unit = units[robot]
+        named = [
+            f'{head} [{unit}]' if head in ('chattering', 'torque') else head for head in heads
+        ]
+        parts += [robot, Table(named, rows, 'llrrrrr')]
+    return parts
+
+
+def _figure(scores: Scores) -> Any:
+    """Scores with their intervals at the left, medians by condition at the right."""
+    every = sorted(scores.summaries, key=lambda each: each[2][WHOLE][WHOLE].median.value)
+    height = MARGIN + LINE * len(every)
+    figure = Figure(figsize=(WIDTH, height), layout='constrained')
+    left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
+    names = [f'{title_of(law)}, {kind}' for law, kind, _ in every]
+    for place, (_, kind, found) in enumerate(every):
+        whole = found[WHOLE][WHOLE]
+        colour = COLOURS.get(kind, PLAIN)
+        left.plot(
+            [whole.median.low, whole.median.high], [place, place], color=colour, lw=3, alpha=0.4
+        )
+        left.plot(whole.median.value, place, 'o', color=colour, ms=6)
+        left.plot(whole.tail.value, place, '|', color=colour, ms=9)
+    left.set_yticks(range(len(every)), names, fontsize=8)
+    left.set_ylim(-0.6, len(every) - 0.4)
+    left.set_xlim(0.0, 1.0)
+    left.axvline(1.0, color='black', lw=1.6, ls=(0, (1, 1)))
+    left.set_xlabel('score; bar: 95 % interval, |: 5 % tail')
+    left.grid(axis='x', alpha=0.3)
+    _draw_medians(right, [found for *_, found in every])
+    figure.suptitle(scores.head()[0], fontsize=9)
+    return figure
+
+
+def _draw_medians(panel: Any, every: list[dict[str, dict[str, Summary]]]) -> None:
+    heads = [(label, value) for label in LABELS for value in every[0][label]]
+    medians = np.array(
+        [[found[label][value].median.value for label, value in heads] for found in every]
+    )
+    panel.imshow(medians, aspect='auto', origin='lower', cmap='Blues', vmin=0.0, vmax=1.0)
+    for (row, column), value in np.ndenumerate(medians):
+        colour = 'white' if value > 0.6 else 'black'
+        panel.text(column, row, f'{value:.2f}', ha='center', va='center', fontsize=7, color=colour)
+    names = [f'{label} {value}' if label == 'speed' else value for label, value in heads]
+    panel.set_xticks(range(len(heads)), names, rotation=45, ha='right', fontsize=8)
+    panel.set_yticks([])
+    panel.set_title('median scores', fontsize=9)
+
 
 SCORE = 'score.json'
 

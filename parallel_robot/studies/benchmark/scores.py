@@ -69,11 +69,7 @@ class Store(ResultStore):
         return self.directory / SEARCHES
 
     def add(self, runs: Mapping[RunKey, RunFigures], limits: Mapping[int, Calm | None]) -> None:
-        """Keep runs, and limits of their samples.
-
-        Raises:
-            RunError: they cannot be written.
-        """
+        """Keep runs, and limits of their samples."""
         lines = [
             [sample, None if calm is None else [each.tolist() for each in calm]]
             for sample, calm in limits.items()

@@ -20,7 +20,14 @@ from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import least_squares, measured_poses
 from parallel_robot.studies.calibration.calibrated import Calibration, rms
-from parallel_robot.studies.calibration.least_squares import Fit
+from parallel_robot.studies.calibration.least_squares import (
+    MOST_OF_NOISE,
+    Fit,
+    Outlier,
+    Starts,
+    search,
+    summary,
+)
 from parallel_robot.studies.calibration.likely_cause import TRIED, likely_cause
 from parallel_robot.studies.calibration.measured_poses import (
     KEPT,
@@ -28,17 +35,9 @@ from parallel_robot.studies.calibration.measured_poses import (
     StampedPoses,
     margin,
 )
-from parallel_robot.studies.calibration.outliers import (
-    MOST_OF_NOISE,
-    Outlier,
-    Starts,
-    search,
-    summary,
-)
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
 from parallel_robot.studies.calibration.tracker import FREE, TURNS
-from parallel_robot.studies.estimation.fit import named_errors
-from parallel_robot.studies.estimation.result_files import OF_BAG
+from parallel_robot.studies.estimate import OF_BAG, named_errors
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
@@ -255,9 +254,6 @@ def _judged(model: PoseModel, found: Fit, hint: str) -> str:
     Medians count, so that poses which stray do not; `hint` tells of these in an error. The noise
     is that of a good tracker, or of this one, if it tells that by poses that follow each other at
     rest.
-
-    Raises:
-        BagError: it leaves so much that it is no result.
     """
     left, before = (1.48 * np.median(np.abs(each), axis=0) for each in (found.left, found.before))
     noise = model.noise

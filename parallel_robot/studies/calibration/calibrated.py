@@ -10,11 +10,9 @@ import numpy as np
 
 from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import without_mathematics
-from parallel_robot.studies.calibration.least_squares import Fit
-from parallel_robot.studies.calibration.outliers import Outlier, Starts, summary
+from parallel_robot.studies.calibration.least_squares import Fit, Outlier, Starts, summary
 from parallel_robot.studies.calibration.pose_model import PoseModel, by_unit
-from parallel_robot.studies.estimation.fit import combination
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimate import WrittenResult, combination
 from parallel_robot_model.common.errors import printable
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array, rounded

@@ -25,8 +25,7 @@ from parallel_robot.studies.calibration.pose_model import (
     MeasuredPoses,
     PoseModel,
 )
-from parallel_robot.studies.estimation.fit import condition_number
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimate import WrittenResult, condition_number
 from parallel_robot_control.configuration import nominal_of, resolve
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.tables import Part, Table

@@ -56,9 +56,6 @@ def read_file(
 
     Returns:
         The poses, how many there are in the file, and what was not used, one line each.
-
-    Raises:
-        InputError: it cannot be read, a line is wrong, or there is no room to keep the poses.
     """
     try:
         with path.open(encoding='utf-8-sig', newline='') as stream:
@@ -216,11 +213,7 @@ class NearStates:
         self.period = 0.0  # time between two states [s]; 0 where there are no two
 
     def add(self, log: RunLog) -> None:
-        """Take the next window.
-
-        Raises:
-            KinematicsError: a state has no pose.
-        """
+        """Take the next window."""
         newest = np.maximum.accumulate(np.append(self._newest, log.stamps))
         newer = log.stamps > newest[:-1]  # each stamp once
         self._newest = int(newest[-1])
@@ -287,10 +280,6 @@ def read_topic(bag: Path, name: str | None = None, most: int | None = None) -> S
         bag: Directory of the bag, or its MCAP file.
         name: Name of their topic; None: the only one that there is.
         most: How many poses are wanted, evenly; None: all.
-
-    Raises:
-        BagError: there is no such topic, or its messages are broken.
-        InputError: there is no room to keep them.
     """
     found = bag_reader.read(bag, (), lambda *_: None)  # the names of topics alone
     there = {

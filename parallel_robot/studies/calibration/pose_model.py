@@ -78,11 +78,7 @@ def values_of(robot: RobotModel, numbers: Sequence[Number]) -> Array:
 
 
 def with_values(robot: RobotModel, numbers: Sequence[Number], given: Array) -> RobotModel:
-    """A robot with other values of some numbers, shape (P,).
-
-    Raises:
-        RobotError: it cannot be built.
-    """
+    """A robot with other values of some numbers, shape (P,)."""
     changed = robot.parameters._asdict()
     for number, value in zip(numbers, given.tolist(), strict=True):
         if number.place is None:
@@ -156,9 +152,6 @@ class PoseModel:
             guesses: Poses of the nominal robot near these, shape (N, m).
             zero: Zero angles that are known before [rad], shape (n,).
             free: Which of FREE are unknown.
-
-        Raises:
-            InputError: the robot has nothing that is free, or its geometry does not fit.
         """
         self.robot, self.joints, self.track, self.measured = robot, joints, track, measured
         self.watch: Callable[[int], None] = lambda _: None  # told how many robots were tried
@@ -237,11 +230,7 @@ class PoseModel:
         return found
 
     def robot_with(self, values: Array) -> RobotModel:
-        """The robot with some values of the unknown, shape (P,).
-
-        Raises:
-            RobotError: it cannot be built.
-        """
+        """The robot with some values of the unknown, shape (P,)."""
         return with_values(self.robot, self.numbers, values[: len(self.numbers)])
 
     def poses(self, values: Array) -> Array | None:

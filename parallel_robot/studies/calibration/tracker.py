@@ -42,9 +42,6 @@ class Tracker:
             robot: The robot.
             columns: Numbers of the coordinates that are measured.
             free: Which of FREE are unknown.
-
-        Raises:
-            InputError: that cannot be free of this robot.
         """
         axes = robot.module.coordinates(robot.parameters)
         names = [axis.name for axis in axes]
@@ -203,11 +200,7 @@ class Locator:
     """Forward kinematics of robots of one kind, compiled once for all their parameters."""
 
     def __init__(self, robot: RobotModel) -> None:
-        """Prepare it.
-
-        Raises:
-            InputError: the kernel of a custom robot does not compile.
-        """
+        """Prepare it."""
         self._row = vector(np.zeros(robot.module.joints(robot.parameters)))
         self._like = vector(np.zeros(robot.pose_size))
         self._locate = robot.kernel('locate', self._row, self._like)

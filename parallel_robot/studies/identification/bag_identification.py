@@ -15,8 +15,7 @@ from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
-from parallel_robot.studies.estimation.fit import named_errors
-from parallel_robot.studies.estimation.result_files import OF_BAG
+from parallel_robot.studies.estimate import OF_BAG, named_errors
 from parallel_robot.studies.identification import (
     identified,
     least_squares,

@@ -112,10 +112,6 @@ def find(
         positions: Joint positions in the order of a motion, part by part [rad], each shape (N, n).
         count: How many there are in all.
         guess: Pose near the first one, shape (m,).
-
-    Raises:
-        InputError: the robot has no linear model.
-        KinematicsError: a position has no pose.
     """
     model = linear_model(robot)
     wanted = np.linspace(0, count - 1, STATES).astype(int)
@@ -156,11 +152,7 @@ def find(
 
 
 def linear_model(robot: RobotModel) -> LinearModel:
-    """Linear model of a robot.
-
-    Raises:
-        InputError: it has none.
-    """
+    """Linear model of a robot."""
     model = robot.module.linear_model
     if model is None:
         raise InputError(

@@ -18,8 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.bags.output import tracked
-from parallel_robot.studies.estimation.fit import condition_number
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimate import WrittenResult, condition_number
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
@@ -107,12 +106,7 @@ class Excitation:
     """Exciting motions of the robot of a scenario."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
-        """Prepare it.
-
-        Raises:
-            InputError: a value is wrong, the motion is no excitation, or the robot has no linear
-                model.
-        """
+        """Prepare it."""
         shape = values['trajectory.shape']
         if shape != SHAPE:
             raise InputError(f'--design needs trajectory.shape {SHAPE}, not {shape}')

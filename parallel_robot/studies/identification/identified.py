@@ -13,11 +13,11 @@ from parallel_robot.bags.run import two_sources
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.studies.identification import (
     base_parameters,
-    friction_choice,
     least_squares,
     physical_robot,
     regression_rows,
 )
+from parallel_robot.studies.identification import least_squares as friction_choice
 from parallel_robot.studies.identification.base_parameters import (
     ALWAYS,
     FRICTION,
@@ -25,8 +25,16 @@ from parallel_robot.studies.identification.base_parameters import (
     FrictionColumn,
     columns_of,
 )
-from parallel_robot.studies.identification.friction_choice import SPEEDS, USUAL, Blocks, Choice
-from parallel_robot.studies.identification.least_squares import Estimate, Fit, Squares, Unexplained
+from parallel_robot.studies.identification.least_squares import (
+    SPEEDS,
+    USUAL,
+    Blocks,
+    Choice,
+    Estimate,
+    Fit,
+    Squares,
+    Unexplained,
+)
 from parallel_robot.studies.identification.measured_motion import RunMotion, rows_of
 from parallel_robot.studies.identification.physical_robot import Bounds, PhysicalRobot
 from parallel_robot.studies.identification.regression_rows import NOWHERE, At, Rows, SomeRows
@@ -123,11 +131,7 @@ def _share(error: Array, size: Array) -> Array:
 
 
 def nominal_of(log: RunLog) -> Nominal:
-    """What a bag's configuration says of the robot.
-
-    Raises:
-        InputError: its robot cannot be built.
-    """
+    """What a bag's configuration says of the robot."""
     robot, guess = configuration.nominal_of(log.config)
     return Nominal(robot, group(log.config, FrictionParameters, 'friction'), guess)
 
@@ -202,9 +206,6 @@ def predict(found: Identified, motion: RunMotion, guess: Array, cutoff: float) -
         motion: The run, of the same robot.
         guess: Pose near its first one, shape (m,).
         cutoff: Bandwidth within which torques are compared [Hz].
-
-    Raises:
-        BagError: too little of the recording can be used, or a sample has no pose.
     """
     regression = Regression(replace(found.nominal, guess=guess), found.base, motion, cutoff)
     rows = regression.predicted(found.delay, found.robot)
@@ -235,11 +236,7 @@ FAR = 5.0  # factor between torques and those of the nominal robot that is doubt
 
 
 def judge(found: Identified, checked: Prediction, joints: Sequence[str]) -> str:
-    """What to doubt of an identified robot by what it leaves of the torques; empty if nothing.
-
-    Raises:
-        BagError: it is no result: most is left, or more than the nominal robot leaves.
-    """
+    """What to doubt of an identified robot by what it leaves of the torques; empty if nothing."""
     left, nominal = (
         float(np.sqrt(np.nanmean(each**2))) for each in (checked.share, checked.share_before)
     )
@@ -287,11 +284,7 @@ def _likely_cause(found: Identified, joints: Sequence[str]) -> str:
 
 
 def check_same_robot(first: RunLog, second: RunLog) -> None:
-    """Refuse a second run whose robot has another geometry or other joints.
-
-    Raises:
-        BagError: with the first key that differs.
-    """
+    """Refuse a second run whose robot has another geometry or other joints."""
     robot = robot_of(first.config).parameters
     model = base_parameters.linear_model(robot_of(first.config))
     free = {f'robot.{key}' for key in model.parameters(robot, model.bodies(robot).numbers)}
@@ -345,7 +338,7 @@ def _choice(regression: Regression) -> tuple[Choice, _Fitted]:
     """The friction that pays, of all kinds, or the usual one where there are few rows; its fit."""
     begin = regression.with_friction(columns_of([*FRICTION][: ALWAYS + 1], regression.base.joints))
     period = regression.motion.period
-    _, at, _, _, squares, found = _solved(begin, step=0.1 * period)
+    _, at, squares, found = _solved(begin, step=0.1 * period)
     late = at.late if abs(at.late) > COUNTS * period else 0.0
     typical = friction_choice.typical(regression.motion.speed)
     candidates = friction_choice.candidates(regression.base, [share * typical for share in SPEEDS])
@@ -404,22 +397,33 @@ class _Fitted(NamedTuple):
 def _fit(regression: Regression) -> _Fitted:
     """Fit the parameters, together with a delay of the positions if there is one."""
     period = regression.motion.period
-    found = _solved(regression, step=0.1 * period)  # the slope is for a period of delay
-    fit, rows = found.fit()
-    estimate = found.at.late + period * float(fit.values[-1])
+    step = 0.1 * period  # the slope is for a period of delay
+    regression, at, squares, found = _solved(regression, step=step)
+    fit, rows = _with_uncertainty(regression, at, step, squares, found)
+    late = at.late + period * float(fit.values[-1])
     half = period * float(fit.half_widths[-1])
-    delay = Delay(estimate, half, abs(estimate) > max(half, COUNTS * period))
+    delay = Delay(late, half, abs(late) > max(half, COUNTS * period))
     if not delay.counts:
-        found = _solved(found.regression, At(0.0, found.at.values))
-        fit, rows = found.fit()
+        regression, at, squares, found = _solved(regression, At(0.0, at.values))
+        fit, rows = _with_uncertainty(regression, at, 0.0, squares, found)
     count = len(regression.before)
-    kept = replace(
+    fit = replace(
         fit,
         values=fit.values[:count],
         covariance=fit.covariance[:count, :count],
         interval=fit.interval[:count],
     )
-    return _Fitted(found.regression, found.squares.first(count), rows.first(count), kept, delay)
+    return _Fitted(regression, squares.first(count), rows.first(count), fit, delay)
+
+
+def _with_uncertainty(
+    regression: Regression, at: At, step: float, squares: Squares, found: Estimate
+) -> tuple[Fit, Rows]:
+    """The estimate of a solution with its uncertainty, and some of its rows."""
+    some, scale = SomeRows(), regression.scale
+    scale = np.append(scale, np.ones(len(found.values) - len(scale)))
+    rows = some.seen(regression.rows(at, step))
+    return least_squares.with_uncertainty(found, squares, scale, rows), some.whole()
 
 
 def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
@@ -452,30 +456,14 @@ def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
     return fitted._replace(fit=replace(fit, interval=fit.interval * wider))
 
 
-class _Solution(NamedTuple):
-    """A solution of what is not linear, and the rows that it has."""
-
-    regression: Regression  # with the speed of its Stribeck effect
-    at: At
-    step: float  # of the delay, see :func:`regression_rows.rows`
-    scale: Array
-    squares: Squares
-    found: Estimate
-
-    def fit(self) -> tuple[Fit, Rows]:
-        """The estimate with its uncertainty, and some rows."""
-        some = SomeRows()
-        rows = some.seen(self.regression.rows(self.at, self.step))
-        fit = least_squares.with_uncertainty(self.found, self.squares, self.scale, rows)
-        return fit, some.whole()
-
-
-def _solved(regression: Regression, at: At = NOWHERE, step: float = 0.0) -> _Solution:
+def _solved(
+    regression: Regression, at: At = NOWHERE, step: float = 0.0
+) -> tuple[Regression, At, Squares, Estimate]:
     """Gauss-Newton's method for what is not linear: delay, Stribeck effect, friction by load.
 
     A delay d shifts the torques that belong to the positions: Y beta = tau(t - d), which is
     linearised in d again and again, with a `step` [s]; 0: it is known. The rows are made anew for
-    each point.
+    each point. The regression that is returned has the speed of the Stribeck effect.
     """
     before, period = regression.before, regression.motion.period
     count, kinds = len(before), {each.kind for each in regression.base.friction}
@@ -503,7 +491,7 @@ def _solved(regression: Regression, at: At = NOWHERE, step: float = 0.0) -> _Sol
             each._replace(speed=float(np.exp(faster)) * each.speed)
             for each in regression.base.friction
         )
-    return _Solution(regression, at, step, scale, squares, found)
+    return regression, at, squares, found
 
 
 def _alike(squares: Squares, new: Array, old: Array | None) -> bool:

@@ -71,10 +71,6 @@ class RunMotion:
             statuses: Statuses of the controller, in order.
             torque_limit: Saturation of the motors [N m], shape (n,).
             zero: Zero angles, which are taken off the positions [rad], shape (n,).
-
-        Raises:
-            BagError: no torque was recorded, none can be used, or the robot did not move.
-            InputError: there is no room to keep it.
         """
         self.period, self._kept, self._stop = period, KeptParts('the motion'), np.inf
         self.count = 0  # samples that are usable

@@ -96,9 +96,6 @@ def nearest(
         bounds: What is known of the robot, see :class:`Bodies`: ranges by name.
         start: Numbers of the bodies with which the search begins, shape (Z,); None: the nominal
             ones. The answer is the same.
-
-    Raises:
-        InputError: no robot is within the bounds.
     """
     model, count = linear_model(robot), len(base.friction)
     bodies: Bodies = model.bodies(robot.parameters)

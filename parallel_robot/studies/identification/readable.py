@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.report import figures
-from parallel_robot.studies.estimation.result_files import WrittenResult
+from parallel_robot.studies.estimate import WrittenResult
 from parallel_robot.studies.identification import motor_lag
 from parallel_robot.studies.identification.base_parameters import ALWAYS, FRICTION, linear_model
 from parallel_robot.studies.identification.identified import Delay, Identified, Prediction

@@ -22,13 +22,14 @@ from scipy.optimize import least_squares
 
 from parallel_robot.studies.identification import regression_rows
 from parallel_robot.studies.identification.base_parameters import columns_of
-from parallel_robot.studies.identification.friction_choice import USUAL, typical
 from parallel_robot.studies.identification.identified import Nominal, Regression
 from parallel_robot.studies.identification.least_squares import (
     RANK,
+    USUAL,
     Estimate,
     Squares,
     squares_of,
+    typical,
     with_uncertainty,
 )
 from parallel_robot.studies.identification.measured_motion import RunMotion
@@ -66,11 +67,7 @@ class TorqueConstants(NamedTuple):
         return f'the motion hardly tells the torque constant of {names}' if names else ''
 
     def check(self) -> None:
-        """Refuse what is not told at all.
-
-        Raises:
-            BagError: with the joints.
-        """
+        """Refuse what is not told at all."""
         if names := self.wider_than(1.0):
             raise BagError(
                 f'the motion does not tell the torque constant of {names}: give it by '
@@ -117,10 +114,6 @@ def find(
         joints: Names of the joints.
         given: Those that are known [N m/A], shape (n,); NaN for the others.
         hold_out: Share of the time, at the end, that is not used.
-
-    Raises:
-        InputError: the robot has no linear model, or the cut-off frequency does not fit.
-        BagError: too little of the recording can be used, or a sample has no pose.
     """
     base = regression_rows.base_of(motion, nominal.robot, nominal.guess)
     columns = columns_of(['viscous', 'coulomb', 'offset'], base.joints)

@@ -82,15 +82,6 @@ class Outcome:
     calm: Calm | None = None
 
 
-class Prepared(NamedTuple):
-    """A run before its first sample."""
-
-    place: int  # its place in the chunk
-    configuration: Configuration
-    experiment: Experiment  # it, put together
-    reference: Reference  # its desired motion
-
-
 def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     """Run experiments and measure them as ``analyze`` measures their bags.
 
@@ -100,23 +91,17 @@ def run_chunk(configurations: Sequence[Configuration]) -> list[Outcome]:
     Returns:
         One outcome for each; a run that fails does not stop the others.
     """
-    outcomes: dict[int, Outcome] = {}
-    prepared: list[Prepared] = []
+    outcomes: list[Outcome] = []
     controller: Control | None = None
     for k, configuration in enumerate(configurations):
         try:
             if controller is None or configuration.made_of != configurations[k - 1].made_of:
                 controller = control.assemble(configuration)
-            prepared.append(_prepare(k, configuration, controller))
+            outcomes.append(_run(configuration, controller))
         except Exception as error:  # custom laws raise anything
-            outcomes[k] = failed(error)
+            outcomes.append(failed(error))
             controller = None
-    for each in prepared:
-        try:
-            outcomes[each.place] = _measured(each)
-        except Exception as error:
-            outcomes[each.place] = failed(error)
-    return [outcomes[k] for k in range(len(configurations))]
+    return outcomes
 
 
 def failed(error: Exception) -> Outcome:
@@ -125,19 +110,11 @@ def failed(error: Exception) -> Outcome:
     return Outcome('failed', str(error) if known else first_line(error))
 
 
-def _prepare(place: int, configuration: Configuration, controller: Control) -> Prepared:
-    """Put one run together."""
-    loop, trajectory = configuration.loop, configuration.trajectory
-    plant = assemble_plant(configuration)
-    reference = _reference(trajectory, loop.period, loop.last_index or 0)
-    experiment = Experiment(loop, trajectory, controller, plant)
-    return Prepared(place, configuration, experiment, reference)
-
-
-def _measured(each: Prepared) -> Outcome:
+def _run(configuration: Configuration, controller: Control) -> Outcome:
     """Do a run and measure it."""
-    _, configuration, experiment, reference = each
-    loop = configuration.loop
+    loop, trajectory = configuration.loop, configuration.trajectory
+    reference = _reference(trajectory, loop.period, loop.last_index or 0)
+    experiment = Experiment(loop, trajectory, controller, assemble_plant(configuration))
     last = loop.last_index or 0
     result = run(experiment.control, experiment.plant, reference, loop.period, complete=False)
     if result.steps <= last:
@@ -244,21 +221,24 @@ def run_task(task: Task) -> list[Outcome]:
             f'a worker has another version of the suite: {version()}, not {task.version}'
         )
     with _LOCK:
-        found: dict[int, Any] = {}
-        for k, overrides in enumerate(task.overrides):
+        found: list[Configuration | Outcome] = []
+        for overrides in task.overrides:
             try:
-                found[k] = configure(resolve(task.scenario, overrides))
+                found.append(configure(resolve(task.scenario, overrides)))
             except Exception as error:  # impossible values, and whatever custom modules raise
-                found[k] = failed(error)
-        good = {k: each for k, each in found.items() if not isinstance(each, Outcome)}
-        found |= dict(zip(good, run_chunk(list(good.values())), strict=True))
-        if task.limited:
-            for k, configuration in good.items():
-                found[k] = replace(found[k], floor=floor_of(configuration))
-        if task.calm:
-            for k, configuration in good.items():
-                found[k] = replace(found[k], calm=calm_of(configuration))
-        return list(found.values())
+                found.append(failed(error))
+        good = [each for each in found if not isinstance(each, Outcome)]
+        done = iter(run_chunk(good))
+        return [
+            each
+            if isinstance(each, Outcome)
+            else replace(
+                next(done),
+                floor=floor_of(each) if task.limited else None,
+                calm=calm_of(each) if task.calm else None,
+            )
+            for each in found
+        ]
 
 
 _LOCK = threading.Lock()  # a worker of a cluster may have several threads; they share the above

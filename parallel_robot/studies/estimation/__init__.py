@@ -1,1 +1,0 @@
-"""What identification and calibration share: estimates, and robots by them, in files."""
