@@ -23,7 +23,6 @@ from parallel_robot.bags.files.mcap_records import (
     NUMBERED,
     PARSED,
     RECORD,
-    SUMMARISED,
     Block,
     Content,
     chunk_content,
@@ -39,6 +38,7 @@ TAIL = len(FOOTER) + 20 + len(MAGIC)  # bytes from the footer to the end of the 
 PIECE, LARGEST_PIECE = 1 << 12, 1 << 20  # bytes searched at a time for the next chunk
 HELD = 1 << 26  # bytes of a file that are held in memory
 BATCH = 1 << 16  # messages outside chunks that make one block
+SUMMARISED = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)
 NEW = 0x10  # opcode from which on records are of later versions, from 0x80 on private ones
 UNPACKED_BY = 'chunks compressed by'  # a compression that is not known
 UNFINISHED = 'end'  # the damage of a file that was not closed
@@ -148,14 +148,14 @@ def summarised(
         np.frombuffer(data, np.uint8), begin, tail, 0, (tail - begin) // HEAD
     )
     opcodes = np.frombuffer(data, np.uint8)[starts]
-    wanted = starts[np.isin(opcodes, list(SUMMARISED))].tolist()
+    wanted = starts[np.isin(opcodes, SUMMARISED)].tolist()
     allowance.describe(len(wanted))
     if chunks is not None:
         for start in starts[opcodes == Opcode.CHUNK_INDEX].tolist():
             record = _record(data, start)
             allowance.hold(len(record))
             chunks.add_index(record)
-    records = [parsed(_record(data, start), SUMMARISED) for start in wanted]
+    records = [parsed(_record(data, start)) for start in wanted]
     return begin, [record for record in records if record is not None]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from io import BytesIO
 from typing import Any, NamedTuple
 from zlib import crc32
@@ -58,9 +58,6 @@ PARSED: dict[int, Any] = {
     Opcode.METADATA: Metadata,
     Opcode.STATISTICS: Statistics,
 }
-SUMMARISED: dict[int, Any] = {
-    key: PARSED[key] for key in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS)
-}
 
 
 def packed(record: McapRecord) -> bytes:
@@ -70,7 +67,7 @@ def packed(record: McapRecord) -> bytes:
     return builder.end()
 
 
-def parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool = False) -> Any:
+def parsed(record: memoryview, exact: bool = False) -> Any:
     """A record as mcap's class; None unless these bytes begin with what that class writes.
 
     What a later version of the format may add at the end is left out, as its specification says;
@@ -79,7 +76,7 @@ def parsed(record: memoryview, kinds: Mapping[int, Any] = PARSED, exact: bool = 
     if len(record) > (ATTACHMENT if record[0] == Opcode.ATTACHMENT else DESCRIPTION):
         return None
     try:
-        found = kinds[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
+        found = PARSED[record[0]].read(ReadDataStream(BytesIO(record[HEAD:])))
         written = memoryview(packed(found))[HEAD:]
     except Exception:  # in broken bytes, any length or string can be wrong
         return None

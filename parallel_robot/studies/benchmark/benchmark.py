@@ -39,7 +39,7 @@ from parallel_robot.studies.benchmark.scores import (
     by_label,
 )
 from parallel_robot.studies.sweep.run_chunk import version
-from parallel_robot.studies.sweep.summary import STYLE, cells
+from parallel_robot.studies.sweep.summary import cells, html_page
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common.errors import InputError, printable
@@ -201,7 +201,6 @@ def _interval(estimate: Any) -> str:
 
 # The page of a benchmark, as HTML and PDF: scores with their intervals, and by condition.
 
-TITLE = 'Benchmark'
 WIDTH, LINE, MARGIN = 11.0, 0.26, 2.2  # in; LINE of a law with one kind of gains
 LABELS = ('robot', 'mix', 'age', 'speed')
 COLOURS = {TUNED: '#1f5a8f'}
@@ -228,12 +227,7 @@ def _html(scores: Scores, picture: bytes) -> str:
             parts.append('<table>' + '\n'.join(lines) + '</table>')
         else:
             parts.append(f'<h2>{html.escape(part.strip())}</h2>')
-    return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
-        f'<title>{TITLE}</title><style>{STYLE}</style></head><body><h1>{TITLE}</h1>\n'
-        + '\n'.join(parts)
-        + '</body></html>\n'
-    )
+    return html_page('Benchmark', parts)
 
 
 def _by_robot(scores: Scores) -> list[Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -227,22 +226,17 @@ def _run_left(
         for condition in every
         for task in _tasks(condition, protocol, laws, gains, store, entries)
     )
-    try:
-        with workers as started, progress(count, len(store.runs), 'run') as bar:
-            for task, outcomes in completed(started, tasks):
-                found: dict[RunKey, RunFigures] = {}
-                limits: dict[int, Calm | None] = {}
-                for number, outcome in zip(task.numbers, outcomes, strict=True):
-                    sample, entry = divmod(number, len(entries))
-                    found[RunKey(*entries[entry], sample)] = figures_of(outcome)
-                    if task.calm:
-                        limits[sample] = outcome.calm
-                store.add(found, limits)
-                bar.update(len(outcomes))
-    except KeyboardInterrupt:
-        kept = f'{len(store.runs)} of {count} runs are kept'
-        print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
-        raise
+    with progress(count, store.runs.__len__, 'run') as bar, workers as started:
+        for task, outcomes in completed(started, tasks):
+            found: dict[RunKey, RunFigures] = {}
+            limits: dict[int, Calm | None] = {}
+            for number, outcome in zip(task.numbers, outcomes, strict=True):
+                sample, entry = divmod(number, len(entries))
+                found[RunKey(*entries[entry], sample)] = figures_of(outcome)
+                if task.calm:
+                    limits[sample] = outcome.calm
+            store.add(found, limits)
+            bar.update(len(outcomes))
 
 
 def _tasks(
@@ -277,7 +271,6 @@ def _tasks(
             condition.robot.scenario,
             tuple(sample * len(entries) + place for sample in lacking),
             tuple(found[sample].overrides for sample in lacking),
-            version(),
             calm=place == 0,
         )
 

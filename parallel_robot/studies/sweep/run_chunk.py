@@ -6,7 +6,7 @@ import functools
 import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -144,6 +144,12 @@ MOST_STATES = 400_000  # of the runs of a task: a few seconds of work
 TASKS_EACH = 4  # at least, for each worker
 
 
+@functools.cache
+def version() -> str:
+    """Version of the code that makes the numbers; equal code has the same, wherever it lies."""
+    return f'{software()["version"]} {cache_directory.suite_hash()}'
+
+
 @dataclass(frozen=True)
 class Task:
     """Runs of one law in one scenario."""
@@ -151,7 +157,8 @@ class Task:
     scenario: str  # name of the scenario, or the path of its file
     numbers: tuple[int, ...]  # numbers of the rows
     overrides: tuple[Mapping[str, Any], ...]  # what each row changes in the configuration
-    version: str  # version of the code that is to run it, see :func:`version`
+    # version of the code that is to run it
+    version: str = field(default_factory=version)
     # whether the limit of each sample is asked for: it is the same for all laws of a
     # scenario, so the rows of the first one tell it
     limited: bool = False
@@ -198,16 +205,9 @@ def task(rows: list[Row], limited: bool = False, calm: bool = False) -> Task:
         rows[0].scenario,
         tuple(row.row for row in rows),
         tuple(row.overrides for row in rows),
-        version(),
-        limited,
-        calm,
+        limited=limited,
+        calm=calm,
     )
-
-
-@functools.cache
-def version() -> str:
-    """Version of the code that makes the numbers; equal code has the same, wherever it lies."""
-    return f'{software()["version"]} {cache_directory.suite_hash()}'
 
 
 def run_task(task: Task) -> list[Outcome]:

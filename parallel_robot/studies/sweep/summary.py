@@ -72,9 +72,14 @@ def page(plan: Plan, results: Results, picture: bytes) -> str:
                 parts.append(f'<p>{html.escape(f"{title_of(law)}, {count} runs: {why}")}</p>')
     encoded = base64.b64encode(picture).decode()
     parts.append(f'<img alt="Distributions of the error" src="data:image/png;base64,{encoded}">')
+    return html_page('Study', parts)
+
+
+def html_page(title: str, parts: Sequence[str]) -> str:
+    """A page of parts in HTML below its title."""
     return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Study</title>'
-        f'<style>{STYLE}</style></head><body><h1>Study</h1>\n'
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<style>{STYLE}</style></head><body><h1>{title}</h1>\n'
         + '\n'.join(parts)
         + '</body></html>\n'
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -48,17 +48,12 @@ def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) 
 
 
 def _run(plan: Plan, store: Store, workers: Workers, count: int) -> None:
-    columns = schema(plan)
-    try:
-        with workers as started, progress(len(store.done), int(store.done.sum()), 'run') as bar:
-            for task, outcomes in completed(started, tasks(plan, store.done, count)):
-                rows = zip(_rows(plan, task), outcomes, strict=True)
-                store.add(table(columns, rows, plan.units))
-                bar.update(len(outcomes))
-    except KeyboardInterrupt:
-        kept = f'{int(store.done.sum())} of {len(store.done)} rows are kept'
-        print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
-        raise
+    columns, done = schema(plan), store.done
+    with progress(len(done), lambda: int(done.sum()), 'run', 'rows') as bar, workers as started:
+        for task, outcomes in completed(started, tasks(plan, done, count)):
+            rows = zip(_rows(plan, task), outcomes, strict=True)
+            store.add(table(columns, rows, plan.units))
+            bar.update(len(outcomes))
 
 
 def _rows(plan: Plan, task: Task) -> list[Row]:
@@ -70,21 +65,29 @@ def _rows(plan: Plan, task: Task) -> list[Row]:
 
 
 @contextlib.contextmanager
-def progress(total: int, done: int, unit: str) -> Iterator[Any]:
-    """A bar with an estimate of the time left, on a terminal.
+def progress(total: int, done: Callable[[], int], unit: str, kept: str = '') -> Iterator[Any]:
+    """A bar with an estimate of the time left, on a terminal; says what an interruption leaves.
 
     Args:
         total: What there is to do.
-        done: What of it was done before.
+        done: Tells what of it is done by now.
         unit: What is counted.
+        kept: What stays of it, if that is not called so.
 
     Raises:
         InputError: tqdm is not installed.
     """
     tqdm: Any = optional('tqdm').tqdm
     stream = as_it_is(sys.stderr)
-    with tqdm(total=total, initial=done, unit=unit, file=stream, disable=None, leave=False) as bar:
-        yield bar
+    try:
+        with tqdm(
+            total=total, initial=done(), unit=unit, file=stream, disable=None, leave=False
+        ) as bar:
+            yield bar
+    except KeyboardInterrupt:
+        what = f'{done()} of {total} {kept or f"{unit}s"} are kept'
+        print(f'interrupted: {what}, the same command continues', file=sys.stderr)
+        raise
 
 
 def default_workers() -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -199,18 +198,13 @@ def run(
             f'{store.directory} holds {held} trials, --trials must be at least that, not {count}'
         )
     if not _finished(tuning, store, count, until):
-        try:
-            with workers as started, progress(count, len(store.trials), 'trial') as bar:
-                for batch in range(-(-count // BATCH)):
-                    for _ in _run_batch(tuning, store, batch, count, started):
-                        bar.update(1)
-                    _check_default(tuning, store)
-                    if _finished(tuning, store, count, until):
-                        break
-        except KeyboardInterrupt:
-            kept = f'{len(store.trials)} of {count} trials are kept'
-            print(f'interrupted: {kept}, the same command continues', file=sys.stderr)
-            raise
+        with progress(count, store.trials.__len__, 'trial') as bar, workers as started:
+            for batch in range(-(-count // BATCH)):
+                for _ in _run_batch(tuning, store, batch, count, started):
+                    bar.update(1)
+                _check_default(tuning, store)
+                if _finished(tuning, store, count, until):
+                    break
     _check_default(tuning, store)
     return [store.trials[number] for number in range(len(store.trials))]
 
@@ -284,7 +278,7 @@ def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) 
             rows = tuning.plan.rows(0, first, min(AT_ONCE, runs - first))
             numbers = tuple(number * runs + row.sample for row in rows)
             overrides = tuple({**row.overrides, **own} for row in rows)
-            yield Task(rows[0].scenario, numbers, overrides, version())
+            yield Task(rows[0].scenario, numbers, overrides)
 
 
 def _check_default(tuning: Tuning, store: Store) -> None:
