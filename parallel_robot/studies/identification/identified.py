@@ -17,7 +17,6 @@ from parallel_robot.studies.identification import (
     physical_robot,
     regression_rows,
 )
-from parallel_robot.studies.identification import least_squares as friction_choice
 from parallel_robot.studies.identification.base_parameters import (
     ALWAYS,
     FRICTION,
@@ -340,8 +339,8 @@ def _choice(regression: Regression) -> tuple[Choice, _Fitted]:
     period = regression.motion.period
     _, at, squares, found = _solved(begin, step=0.1 * period)
     late = at.late if abs(at.late) > COUNTS * period else 0.0
-    typical = friction_choice.typical(regression.motion.speed)
-    candidates = friction_choice.candidates(regression.base, [share * typical for share in SPEEDS])
+    typical = least_squares.typical(regression.motion.speed)
+    candidates = least_squares.candidates(regression.base, [share * typical for share in SPEEDS])
     every = regression._replace(base=candidates)
     time = [window.time[[0, -1]] for window in regression.motion.windows()]
     apart = regression_rows.SUPPORT / regression.cutoff
@@ -352,7 +351,7 @@ def _choice(regression: Regression) -> tuple[Choice, _Fitted]:
     kept = [each for each in known if each.speed in (0.0, *speeds)]
     usual = Choice(tuple(dict.fromkeys([*regression.base.friction, *kept])), {})
     few = np.trace(squares.together) < regression_rows.FEWEST * len(every.base.names)
-    if few or blocks.count < friction_choice.FEWEST:
+    if few or blocks.count < least_squares.FEWEST:
         return usual, _fit(regression.with_friction(usual.columns))
     values = 0.0 * every.before
     values[: len(begin.base.inertias)] = found.values[: len(begin.base.inertias)]
@@ -437,8 +436,8 @@ def _allowing_for_left_out(fitted: _Fitted) -> _Fitted:
     regression, fit = fitted.regression, fitted.fit
     base, chosen = regression.base, len(fit.values)
     known = max(each.speed for each in base.friction)
-    speed = known or USUAL * friction_choice.typical(regression.motion.speed)
-    every = friction_choice.candidates(base, [speed]).friction
+    speed = known or USUAL * least_squares.typical(regression.motion.speed)
+    every = least_squares.candidates(base, [speed]).friction
     left_out = [each for each in every if each not in base.friction]
     whole = regression.with_friction([*base.friction, *left_out])
     scale = whole.scale
@@ -467,7 +466,7 @@ def _solved(
     """
     before, period = regression.before, regression.motion.period
     count, kinds = len(before), {each.kind for each in regression.base.friction}
-    typical = friction_choice.typical(regression.motion.speed)
+    typical = least_squares.typical(regression.motion.speed)
     slowest, fastest = 0.5 * SPEEDS[0] * typical, 2.0 * SPEEDS[-1] * typical
     for k in range(ITERATIONS):
         fast = 'stribeck' in kinds and at.values is not None
