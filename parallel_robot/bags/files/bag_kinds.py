@@ -58,6 +58,9 @@ def scan_sqlite(path: Path, file: File, skipped: Collection[int] = ()) -> Iterat
         path: The file; nothing is written beside it.
         file: Its content.
         skipped: First rows of the chunks that are not wanted, see :func:`index`.
+
+    Raises:
+        BagError: it is no bag, or takes more than is allowed.
     """
     with ExitStack() as stack:
         try:

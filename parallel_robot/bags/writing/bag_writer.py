@@ -105,7 +105,11 @@ class BagWriter(McapWriter):
             self.written_at = time.monotonic()
 
     def close(self) -> None:
-        """Complete the bag, or leave it as it was when the disk became full."""
+        """Complete the bag, or leave it as it was when the disk became full.
+
+        Raises:
+            OSError: the disk is full or gone; what is finished of the file stays.
+        """
         if self.closed:
             return
         try:

@@ -161,7 +161,12 @@ class Recorder:
             self._attach(*file)
 
     def open(self, start_stamp: int = 0) -> None:
-        """Create the bag and begin; messages stamped before `start_stamp` [ns] are left out."""
+        """Create the bag and begin; stamped messages from before `start_stamp` [ns] are left out.
+
+        Raises:
+            BagError: the directory exists or cannot be created.
+            RunError: the disk is full.
+        """
         self._start = start_stamp or (self._loop.step_start if self._loop.lockstep else 0)
         if self._loop.last_index is not None and start_stamp:
             self._end = start_stamp + self._loop.last_index * self._loop.period_ns

@@ -38,6 +38,9 @@ def definition(type_name: str) -> str:
 
     Args:
         type_name: ROS type, e.g. ``'std_msgs/msg/String'``.
+
+    Raises:
+        InputError: no such type is installed as a .msg file.
     """
     from rosbags.typesys import Stores, get_typestore  # slow to import
 
@@ -106,7 +109,11 @@ class Discovery:
     """Finds the topics that are wanted as they appear."""
 
     def __init__(self, node: Node, wanted: RecorderParameters) -> None:
-        """Prepare."""
+        """Prepare.
+
+        Raises:
+            InputError: `regex` is not a regular expression.
+        """
         self._node = node
         self._all = wanted.all
         self._names = {node.resolve_topic_name(name) for name in wanted.topics}
