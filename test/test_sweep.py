@@ -2,6 +2,7 @@
 
 import io
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
 from parallel_robot.studies import least_errors
 from parallel_robot.studies.sweep import results
-from parallel_robot.studies.sweep.run_chunk import Outcome, Task, floor_of, run_task, tasks
+from parallel_robot.studies.sweep.run_chunk import Outcome, floor_of, run_task, tasks
 from parallel_robot.studies.sweep.store import Store, schema, table
 from parallel_robot.studies.sweep.sweep import FILES
 from parallel_robot_control.configuration import resolve
@@ -115,7 +116,7 @@ def test_a_terminal_sees_how_long_it_takes(tmp_path, monkeypatch):
 def test_a_worker_of_another_version_is_refused():
     one = next(tasks(planned(), np.zeros(ROWS, dtype=bool), 2))
     with pytest.raises(RunError, match='a worker has another version of the suite'):
-        run_task(Task(one.scenario, one.numbers, one.overrides, '0.0.0'))
+        run_task(replace(one, version='0.0.0'))
 
 
 def test_failures_are_rows_with_their_reason(tmp_path):
@@ -349,8 +350,9 @@ def test_a_sweep_that_goes_on_gives_the_limit_to_every_row(tmp_path):
     with Store(tmp_path / 'more', found, NOISY) as store:
         assert store.done.tolist() == [True, True] + [False] * 4
         (first, *_) = tasks(found, store.done, 2)
-        rows = [found.row(number) for number in first.numbers]
-        store.add(table(schema(found), zip(rows, run_task(first), strict=True)))  # then killed
+        store.add(
+            table(schema(found), zip(first.rows, run_task(first), strict=True))
+        )  # then killed
     swept(tmp_path / 'more', NOISY)
     assert runs(tmp_path / 'more').equals(runs(tmp_path / 'once'))
 

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -16,7 +17,8 @@ from ros_fixtures import PATIENCE
 from sweeping import ROWS, RUNS, TEXT, content, planned, runs, swept
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task, tasks, version
+from parallel_robot.studies.sweep.plan import Row
+from parallel_robot.studies.sweep.run_chunk import Outcome, Task, run_task, tasks
 from parallel_robot.studies.sweep.store import Store, schema, table
 from parallel_robot.studies.sweep.workers import MOST_LOSSES, Processes, completed
 from parallel_robot_model.common.errors import RunError
@@ -32,12 +34,20 @@ def test_two_processes_make_the_same_file(whole, tmp_path):
     assert content(with_processes) == content(whole)
 
 
+def row(number):
+    return Row(number, number, 'paper_circle', 'pid', 0, {}, {})
+
+
+def numbers(task):
+    return tuple(each.row for each in task.rows)
+
+
 def test_there_are_no_more_processes_than_tasks(monkeypatch):
     idle = SimpleNamespace(ready=False, task=None)
     monkeypatch.setattr('parallel_robot.studies.sweep.workers._start', lambda: idle)
     workers = Processes(1000)
     for count in (1, 2, 3):
-        workers.submit(Task('paper_circle', (count,), ({},), version()))
+        workers.submit(Task((row(count),)))
         assert len(workers._workers) == count
 
 
@@ -169,16 +179,17 @@ class Deadly:
 @pytest.mark.endurance
 def test_a_row_that_kills_its_workers_is_a_failure_and_no_other_row_is():
     good = next(tasks(planned(), np.zeros(ROWS, dtype=bool), 2))
-    bad = Task(good.scenario, good.numbers[:3], (*good.overrides[:2], {'x': Deadly()}), version())
+    deadly = replace(good.rows[2], overrides={'x': Deadly()})
+    bad = Task((*good.rows[:2], deadly))
     with Processes(2) as workers:
         found = {
-            task.numbers: outcomes for task, outcomes in completed(workers, iter([bad, good]))
+            numbers(task): outcomes for task, outcomes in completed(workers, iter([bad, good]))
         }
-    assert set(found) == {good.numbers, *((number,) for number in bad.numbers)}
-    statuses = [found[(number,)][0].status for number in bad.numbers]
+    assert set(found) == {numbers(good), *((number,) for number in numbers(bad))}
+    statuses = [found[(number,)][0].status for number in numbers(bad)]
     assert statuses == ['ok', 'ok', 'failed']
-    assert found[(bad.numbers[2],)][0].reason.endswith(f'was lost, {MOST_LOSSES} times')
-    assert found[good.numbers][2] != found[(bad.numbers[2],)][0]
+    assert found[(deadly.row,)][0].reason.endswith(f'was lost, {MOST_LOSSES} times')
+    assert found[numbers(good)][2] != found[(deadly.row,)][0]
 
 
 def test_workers_that_cannot_start_end_the_sweep_with_one_line(tmp_path, monkeypatch):
@@ -212,9 +223,7 @@ def test_a_part_that_is_cut_off_is_run_again(whole, tmp_path):
     found = planned()
     with Store(tmp_path, found, TEXT) as store:
         for task in list(tasks(found, store.done, 2))[:4]:
-            rows = [found.row(number) for number in task.numbers]
-            outcomes = run_task(task)
-            store.add(table(schema(found), zip(rows, outcomes, strict=True)))
+            store.add(table(schema(found), zip(task.rows, run_task(task), strict=True)))
         done = int(store.done.sum())
         assert 0 < done < ROWS
     part = min((tmp_path / 'parts').iterdir())
@@ -253,13 +262,13 @@ def test_lost_workers_do_not_stop_others():
 
         def wait(self):
             task = self.waiting.pop(0)
-            lost = task.losses == 0 or task.numbers == (4,)
-            return [(task, None if lost else [Outcome('ok')] * len(task.numbers))]
+            lost = task.losses == 0 or numbers(task) == (4,)
+            return [(task, None if lost else [Outcome('ok')] * len(task.rows))]
 
-    made = [Task('', tuple(range(k, k + 4)), ({},) * 4, '') for k in range(0, 12, 4)]
+    made = [Task(tuple(map(row, range(k, k + 4)))) for k in range(0, 12, 4)]
     found = [
         (number, outcome.status)
         for task, outcomes in completed(Losing(), iter(made))
-        for number, outcome in zip(task.numbers, outcomes, strict=True)
+        for number, outcome in zip(numbers(task), outcomes, strict=True)
     ]
     assert sorted(found) == [(n, 'failed' if n == 4 else 'ok') for n in range(12)]

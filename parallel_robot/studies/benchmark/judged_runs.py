@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -230,8 +230,8 @@ def _run_left(
         for task, outcomes in completed(started, tasks):
             found: dict[RunKey, RunFigures] = {}
             limits: dict[int, Calm | None] = {}
-            for number, outcome in zip(task.numbers, outcomes, strict=True):
-                sample, entry = divmod(number, len(entries))
+            for row, outcome in zip(task.rows, outcomes, strict=True):
+                sample, entry = divmod(row.row, len(entries))
                 found[RunKey(*entries[entry], sample)] = figures_of(outcome)
                 if task.calm:
                     limits[sample] = outcome.calm
@@ -267,12 +267,8 @@ def _tasks(
     for case, (entry, lacking) in enumerate(left.items()):
         place = entries.index(entry)
         found = dict(zip(samples, rows(condition, plan, case), strict=True))
-        yield Task(
-            condition.robot.scenario,
-            tuple(sample * len(entries) + place for sample in lacking),
-            tuple(found[sample].overrides for sample in lacking),
-            calm=place == 0,
-        )
+        chosen = (replace(found[k], row=k * len(entries) + place) for k in lacking)
+        yield Task(tuple(chosen), calm=place == 0)
 
 
 def figures_of(outcome: Outcome) -> RunFigures:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import functools
 import math
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,9 +154,7 @@ def version() -> str:
 class Task:
     """Runs of one law in one scenario."""
 
-    scenario: str  # name of the scenario, or the path of its file
-    numbers: tuple[int, ...]  # numbers of the rows
-    overrides: tuple[Mapping[str, Any], ...]  # what each row changes in the configuration
+    rows: tuple[Row, ...]
     # version of the code that is to run it
     version: str = field(default_factory=version)
     # whether the limit of each sample is asked for: it is the same for all laws of a
@@ -167,10 +165,7 @@ class Task:
 
     def split(self) -> list[Task]:
         """A task for each row, after the worker that had all of them was lost."""
-        return [
-            replace(self, numbers=(number,), overrides=(overrides,), losses=self.losses + 1)
-            for number, overrides in zip(self.numbers, self.overrides, strict=True)
-        ]
+        return [replace(self, rows=(row,), losses=self.losses + 1) for row in self.rows]
 
 
 def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
@@ -193,21 +188,10 @@ def tasks(plan: Plan, done: NDArray[np.bool_], workers: int) -> Iterator[Task]:
             left -= int(missing.sum())
             if missing.any():
                 rows = plan.rows(case, first, count)
-                needed = [row for row, lacks in zip(rows, missing, strict=True) if lacks]
+                needed = tuple(row for row, lacks in zip(rows, missing, strict=True) if lacks)
                 leads = plan.leader(case) == case
-                yield task(needed, limited=leads, calm=leads and plan.study.calm)
+                yield Task(needed, limited=leads, calm=leads and plan.study.calm)
         first += count
-
-
-def task(rows: list[Row], limited: bool = False, calm: bool = False) -> Task:
-    """The task of some rows of one case; `limited`, `calm`: with the limit of each sample."""
-    return Task(
-        rows[0].scenario,
-        tuple(row.row for row in rows),
-        tuple(row.overrides for row in rows),
-        limited=limited,
-        calm=calm,
-    )
 
 
 def run_task(task: Task) -> list[Outcome]:
@@ -222,9 +206,9 @@ def run_task(task: Task) -> list[Outcome]:
         )
     with _LOCK:
         found: list[Configuration | Outcome] = []
-        for overrides in task.overrides:
+        for row in task.rows:
             try:
-                found.append(configure(resolve(task.scenario, overrides)))
+                found.append(configure(resolve(row.scenario, row.overrides)))
             except Exception as error:  # impossible values, and whatever custom modules raise
                 found.append(failed(error))
         good = [each for each in found if not isinstance(each, Outcome)]

@@ -11,8 +11,8 @@ from typing import Any
 
 from parallel_robot.bags.output import as_it_is
 from parallel_robot.studies.sweep import results, summary
-from parallel_robot.studies.sweep.plan import Plan, Row
-from parallel_robot.studies.sweep.run_chunk import Task, tasks
+from parallel_robot.studies.sweep.plan import Plan
+from parallel_robot.studies.sweep.run_chunk import tasks
 from parallel_robot.studies.sweep.store import RUNS, Store, schema, table
 from parallel_robot.studies.sweep.summary import Results
 from parallel_robot.studies.sweep.workers import Workers, completed
@@ -51,17 +51,9 @@ def _run(plan: Plan, store: Store, workers: Workers, count: int) -> None:
     columns, done = schema(plan), store.done
     with progress(len(done), lambda: int(done.sum()), 'run', 'rows') as bar, workers as started:
         for task, outcomes in completed(started, tasks(plan, done, count)):
-            rows = zip(_rows(plan, task), outcomes, strict=True)
+            rows = zip(task.rows, outcomes, strict=True)
             store.add(table(columns, rows, plan.units))
             bar.update(len(outcomes))
-
-
-def _rows(plan: Plan, task: Task) -> list[Row]:
-    """The rows of a task: they are all of one case."""
-    samples = [number // len(plan.cases) for number in task.numbers]
-    case = task.numbers[0] % len(plan.cases)
-    rows = {row.row: row for row in plan.rows(case, samples[0], samples[-1] - samples[0] + 1)}
-    return [rows[number] for number in task.numbers]
 
 
 @contextlib.contextmanager

@@ -53,7 +53,7 @@ def completed(workers: Workers, tasks: Iterator[Task]) -> Iterator[tuple[Task, l
             running -= 1
             if outcomes is not None:
                 yield task, outcomes
-            elif len(task.numbers) == 1 and task.losses + 1 >= MOST_LOSSES:
+            elif len(task.rows) == 1 and task.losses + 1 >= MOST_LOSSES:
                 reason = f'the worker process that ran it was lost, {MOST_LOSSES} times'
                 yield task, [Outcome('failed', reason)]
             else:
@@ -253,7 +253,7 @@ class Cluster:
         task = self._tasks.pop(future)
         error = future.exception() if future.status == 'error' else None
         if isinstance(error, self._distributed.KilledWorker):
-            if len(task.numbers) == 1:
+            if len(task.rows) == 1:
                 reason = f'the worker process that ran it was lost, {MOST_LOSSES} times'
                 return [Outcome('failed', reason)]
             return None

@@ -6,7 +6,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -261,8 +261,8 @@ def _run_batch(
     runs = tuning.plan.study.runs
     columns = tuning.measured
     for task, found in completed(workers, _tasks(tuning, trials)):
-        number = task.numbers[0] // runs
-        outcomes[number] |= zip(task.numbers, found, strict=True)
+        number = task.rows[0].row // runs
+        outcomes[number] |= zip((row.row for row in task.rows), found, strict=True)
         if len(outcomes[number]) == runs:
             ordered = [outcomes[number][key] for key in sorted(outcomes[number])]
             store.add(evaluated(number, *trials[number], ordered, columns))
@@ -276,9 +276,14 @@ def _tasks(tuning: Tuning, trials: Mapping[int, tuple[Choice, dict[str, Any]]]) 
         own = {tuning.space.key(key): value for key, value in gains.items()}
         for first in range(0, runs, AT_ONCE):
             rows = tuning.plan.rows(0, first, min(AT_ONCE, runs - first))
-            numbers = tuple(number * runs + row.sample for row in rows)
-            overrides = tuple({**row.overrides, **own} for row in rows)
-            yield Task(rows[0].scenario, numbers, overrides)
+            yield Task(
+                tuple(
+                    replace(
+                        row, row=number * runs + row.sample, overrides={**row.overrides, **own}
+                    )
+                    for row in rows
+                )
+            )
 
 
 def _check_default(tuning: Tuning, store: Store) -> None:
