@@ -32,7 +32,6 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'figure': '{tmp}/figure.none',
     'plot': '{tmp}/plot.none',
     'workspace': '{tmp}/workspace.none',
-    'plane': 'none',
     'foxglove': '{tmp}/file/out',
     'row': '1000000000',
     'duration': 'nan',

@@ -3,33 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from parallel_robot.analysis.report.looks import posture
-from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.robots.contract import REACHED, Reach
 from parallel_robot_model.robots.registry import RobotModel
 from trajectory_gen.paths import plane_of
 from trajectory_gen.trajectory import joints_at
 
-# A plane in the coordinates of a pose: that of a motion, or one that is named.
-
 FLAT = 1e-6  # of its size: what a motion in a plane leaves it by
 SPACE = 3
-OPTION = '--plane'
 
 
 class Axis(NamedTuple):
-    """An axis of a plane: its direction, a unit vector of shape (m,), its name and its unit."""
+    """An axis of a plane: its direction, a unit vector of shape (m,), and its name."""
 
     direction: Array
     name: str
-    unit: str
 
 
 class Plane(NamedTuple):
@@ -69,62 +64,14 @@ def plane_of_motion(robot: RobotModel, path: Array) -> Plane:
     return _with_normal(robot, path[0], _normal(path[:, :SPACE]))
 
 
-def named_plane(robot: RobotModel, text: str, pose: Array) -> Plane:
-    """A plane by the names of two coordinates, or by its normal.
-
-    Args:
-        robot: The robot.
-        text: ``x,z`` or, through another place, ``x,z,y=0.1``; or a normal, ``0,1,1``.
-        pose: Pose through which it leads, but for what the text says, shape (m,).
-
-    Raises:
-        InputError: the text names no plane.
-    """
-    coordinates = robot.module.coordinates(robot.parameters)
-    names = [axis.name for axis in coordinates]
-    words = [word.strip() for word in text.split(',')]
-    plain = [word for word in words if '=' not in word]
-    values = _values([word for word in words if '=' in word], names)
-    through = np.array([values.get(name, old) for name, old in zip(names, pose, strict=True)])
-    normal = _numbers(plain)
-    if normal is not None:
-        if len(normal) != SPACE or robot.place != SPACE or not any(normal):
-            what = (
-                'two coordinates' if robot.place != SPACE else 'two coordinates, or three numbers'
-            )
-            raise InputError(f'{OPTION} must be {what}, e.g. {names[0]},{names[1]}, not {text}')
-        return _with_normal(robot, through, np.array(normal))
-    for word in plain:
-        if word not in names:
-            raise UnknownNameError(OPTION, word, names)
-    if len(plain) != 2 or plain[0] == plain[1] or set(plain) & values.keys():
-        raise InputError(
-            f'{OPTION} must have two coordinates, e.g. {names[0]},{names[1]}, and values of '
-            f'others alone, not {text}'
-        )
-    first, second = (_axis(robot, names.index(word)) for word in plain)
-    return Plane(through, (first, second))
-
-
-def center_of(values: Mapping[str, Any], robot: RobotModel) -> Array | None:
-    """Pose at the centre of the motion of a configuration, shape (m,); None if it has none."""
-    shape = values['trajectory.shape']
-    center = values.get(f'{shape}.center')
-    if not isinstance(center, list):
-        return None
-    if robot.planar:
-        center = [*center[:2], values.get(f'{shape}.phi', 0.0)][: robot.pose_size]
-    return np.array(center, np.float64) if len(center) == robot.pose_size else None
-
-
 def _axis(robot: RobotModel, k: int) -> Axis:
     """The axis of one coordinate."""
     coordinate = robot.module.coordinates(robot.parameters)[k]
-    return Axis(np.eye(robot.pose_size)[k], coordinate.name, coordinate.unit)
+    return Axis(np.eye(robot.pose_size)[k], coordinate.name)
 
 
 def _with_normal(robot: RobotModel, pose: Array, normal: Array) -> Plane:
-    plane = plane_of(OPTION, tuple(pose), 0.0, tuple(normal))
+    plane = plane_of('', tuple(pose), 0.0, tuple(normal))
     return Plane(pose, (_along(robot, plane.first), _along(robot, plane.second)))
 
 
@@ -135,7 +82,7 @@ def _along(robot: RobotModel, direction: Array) -> Axis:
     if abs(direction[largest]) == 1.0:
         return _axis(robot, largest)
     parts = ', '.join(f'{part:.3g}' for part in direction[:SPACE])
-    return Axis(direction, f'along ({parts})', 'm')
+    return Axis(direction, f'along ({parts})')
 
 
 def _normal(path: Array) -> Array:
@@ -152,45 +99,22 @@ def _normal(path: Array) -> Array:
     return np.eye(3)[2 - int(np.argmin(np.ptp(path, axis=0)[::-1]))]
 
 
-def _values(words: list[str], names: list[str]) -> dict[str, float]:
-    """What ``name=value`` says."""
-    found = {}
-    for word in words:
-        name, _, value = word.partition('=')
-        if name not in names:
-            raise UnknownNameError(OPTION, name, names)
-        number = _numbers([value])
-        if number is None:
-            raise InputError(f'{OPTION}: {name} must be a number, not {value}')
-        found[name] = number[0]
-    return found
-
-
-def _numbers(words: list[str]) -> list[float] | None:
-    try:
-        found = [float(word) for word in words]
-    except ValueError:
-        return None
-    return found if all(map(math.isfinite, found)) else None
-
-
 # What of a plane the tool of a robot reaches, found from one pose by its neighbours.
 
 COARSE, FINE = 80, 320  # steps of a grid on its longer side, to look for the region, to show it
 FEW = 20  # steps of a region that is too small for its grid
 TRIES = 6  # grids at most, each wider than the one before
 MORE = 0.2  # of a width, by which a window that is too narrow becomes wider
-TURN = 1.0  # rad, of the first grid
 
 
 class Region(NamedTuple):
     """What a robot reaches in a plane; rows go with the second axis, columns with the first."""
 
     plane: Plane
-    first: Array  # coordinates along the first axis, shape (columns,)
-    second: Array  # coordinates along the second axis, shape (rows,)
+    first: Array  # m, coordinates along the first axis, shape (columns,)
+    second: Array  # m, coordinates along the second axis, shape (rows,)
     reach: Reach  # what is reached of them
-    complete: bool  # whether the region ends within the grid, angles within half a turn
+    complete: bool  # whether the region ends within the grid
 
     @property
     def inside(self) -> NDArray[np.bool_]:
@@ -199,13 +123,13 @@ class Region(NamedTuple):
 
     @property
     def area(self) -> float:
-        """Area of the region, in the units of both axes."""
+        """Area of the region [m^2]."""
         steps = (float(np.diff(axes).mean()) for axes in (self.first, self.second))
         return math.prod(steps) * int(self.inside.sum())
 
     @property
     def extent(self) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Least and largest coordinate of the region along both axes."""
+        """Least and largest coordinate of the region along both axes [m]."""
         inside = self.inside
         along = (self.first[inside.any(axis=0)], self.second[inside.any(axis=1)])
         return tuple((float(each[0]), float(each[-1])) for each in along)  # type: ignore[return-value]
@@ -226,8 +150,8 @@ def region_of(robot: RobotModel, plane: Plane, steps: int = FINE) -> Region:
         InputError: the robot does not reach the pose of the plane.
     """
     here = plane.coordinates(plane.pose)
-    sizes = np.array([_first_size(robot, plane.pose, axis) for axis in plane.axes])
-    window = np.stack([here - sizes, here + sizes])
+    size = _first_size(robot, plane.pose)
+    window = np.stack([here - size, here + size])
     for _ in range(TRIES):
         region = _on_grid(robot, plane, window, COARSE)
         wider = _wider(region, window, 1.0)
@@ -247,10 +171,8 @@ def region_of(robot: RobotModel, plane: Plane, steps: int = FINE) -> Region:
     return region
 
 
-def _first_size(robot: RobotModel, pose: Array, axis: Axis) -> float:
-    """Half the width of the first grid along an axis: the size of the robot."""
-    if axis.unit != 'm':
-        return TURN
+def _first_size(robot: RobotModel, pose: Array) -> float:
+    """Half the width of the first grid: the size of the robot."""
     joints = joints_at(robot, pose[np.newaxis])
     if joints.out_of_reach[0] != REACHED:
         raise _beyond(robot, pose)
@@ -269,20 +191,17 @@ def _beyond(robot: RobotModel, pose: Array) -> InputError:
 def _on_grid(robot: RobotModel, plane: Plane, window: Array, steps: int) -> Region:
     """What is reached in a window, shape (2, 2), of which the pose of the plane is a node."""
     here = plane.coordinates(plane.pose)
-    widths = np.ptp(window, axis=0)
-    same = plane.axes[0].unit == plane.axes[1].unit
-    step = (np.full(2, widths.max()) if same else widths) / steps
+    step = np.ptp(window, axis=0).max() / steps
     low = np.ceil((here - window[0]) / step).astype(int)
     high = np.ceil((window[1] - here) / step).astype(int)
-    first, second = (here[k] + step[k] * np.arange(-low[k], high[k] + 1) for k in range(2))
+    first, second = (here[k] + step * np.arange(-low[k], high[k] + 1) for k in range(2))
     poses = plane.poses(np.stack(np.meshgrid(first, second), axis=-1))
     reach = _traced(robot, poses, (int(low[1]), int(low[0])))
     inside = reach.travel_left >= 0.0
     if not inside[low[1], low[0]]:
         raise _beyond(robot, plane.pose)
-    sides = (inside[:, [0, -1]], inside[[0, -1]])
-    cut = (side.any() for side, axis in zip(sides, plane.axes, strict=True) if axis.unit == 'm')
-    return Region(plane, first, second, reach, not any(cut))
+    complete = not (inside[:, [0, -1]].any() or inside[[0, -1]].any())
+    return Region(plane, first, second, reach, complete)
 
 
 def _traced(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach:
@@ -317,19 +236,14 @@ def _connected(robot: RobotModel, poses: Array, first: tuple[int, int]) -> Reach
 
 
 def _wider(region: Region, window: Array, share: float) -> Array:
-    """The window, wider by a share of itself where the region touches a side.
-
-    Angles stay within half a turn.
-    """
+    """The window, wider by a share of itself where the region touches a side."""
     inside, wider = region.inside, window.copy()
-    width, here = np.ptp(window, axis=0), region.plane.coordinates(region.plane.pose)
+    width = np.ptp(window, axis=0)
     touched = ((inside[:, 0], inside[0]), (inside[:, -1], inside[-1]))
     for side, sign in ((0, -1.0), (1, 1.0)):
-        for k, axis in enumerate(region.plane.axes):
+        for k in range(2):
             if touched[side][k].any():
                 wider[side, k] += sign * share * width[k]
-            if axis.unit != 'm':
-                wider[side, k] = here[k] + sign * min(abs(wider[side, k] - here[k]), math.pi)
     return wider
 
 

@@ -1,23 +1,14 @@
-"""A region as a file: a picture with motion, robot and home, or its numbers."""
+"""A picture of what the tool reaches in the plane of its motion, with robot and home."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.reach import (
-    Axis,
-    Plane,
-    Region,
-    center_of,
-    named_plane,
-    plane_of_motion,
-    region_of,
-)
+from parallel_robot.analysis.reach import Plane, Region, plane_of_motion, region_of
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import label, posture
 from parallel_robot.bags import output
@@ -46,34 +37,23 @@ class Scenery(NamedTuple):
     values: Mapping[str, Any]  # the resolved configuration, which has the limits of the margins
 
 
-def plane_and_scenery(configuration: Configuration, plane: str = '') -> tuple[Plane, Scenery]:
-    """The plane of a scenario, and what is drawn with what is reached in it.
-
-    Args:
-        configuration: The scenario.
-        plane: The plane, see :func:`named_plane`; empty: that of the motion.
+def plane_and_scenery(configuration: Configuration) -> tuple[Plane, Scenery]:
+    """The plane of a scenario's motion, and what is drawn with what is reached in it.
 
     Raises:
-        InputError: the pose of the robot has no place, or the text names no plane.
+        InputError: the pose of the robot has no place.
     """
     trajectory, values = configuration.trajectory, configuration.values
     robot = trajectory.robot
-    module = robot.module
-    coordinates = module.coordinates(robot.parameters)
+    coordinates = robot.module.coordinates(robot.parameters)
     if not robot.place:
         names = ', '.join(axis.name for axis in coordinates)
         raise InputError(f'the pose of {robot.name} is no place: {names}; it has no workspace')
     path = trajectory.poses(preflight.grid(trajectory, configuration.loop.period)).pose
-    home = module.home(robot.parameters)
-    if plane:
-        center = center_of(values, robot)
-        chosen = named_plane(robot, plane, _reached(robot, center, path[0], home))
-    else:
-        start = _reached(robot, path[0], home)
-        chosen = plane_of_motion(robot, path)._replace(pose=start)
-    title = _title(configuration.loop.scenario, chosen, coordinates)
-    lines = _lines(robot, chosen)
-    return chosen, Scenery(title, robot, coordinates, home, path, lines, values)
+    home = robot.module.home(robot.parameters)
+    plane = plane_of_motion(robot, path)._replace(pose=_reached(robot, path[0], home))
+    title = _title(configuration.loop.scenario, plane, coordinates)
+    return plane, Scenery(title, robot, coordinates, home, path, _lines(robot, plane), values)
 
 
 def _reached(robot: RobotModel, *poses: Array | None) -> Array:
@@ -124,10 +104,9 @@ def figure_of(region: Region, scenery: Scenery) -> Any:
 
     margins = region.reach.margins or (None,)
     first, second = region.plane.axes
-    x, y = _scale(first) * region.first, _scale(second) * region.second
+    x, y = MM * region.first, MM * region.second
     wide, high = _limits(x, y, scenery)
-    equal = first.unit == second.unit
-    shape = np.ptp(high) / np.ptp(wide) if equal else 0.8
+    shape = np.ptp(high) / np.ptp(wide)
     height = min(WIDTH * shape, HIGHEST)
     size = (len(margins) * (height / shape + BAR), height + TITLE)
     figure = Figure(size, layout='constrained')
@@ -135,8 +114,8 @@ def figure_of(region: Region, scenery: Scenery) -> Any:
     figure.suptitle(without_mathematics(head), fontweight='bold', fontsize=13)
     panels = figure.subplots(1, len(margins), squeeze=False, sharex=True, sharey=True)[0]
     for axes, margin in zip(panels, margins, strict=True):
-        axes.set(xlabel=_named(first), xlim=wide, ylim=high)
-        axes.set_aspect('equal' if equal else 'auto')
+        axes.set(xlabel=f'{first.name} [mm]', xlim=wide, ylim=high)
+        axes.set_aspect('equal')
         axes.set_facecolor(GROUND)
         axes.spines[['top', 'right']].set_visible(False)
         if margin is None:
@@ -145,7 +124,7 @@ def figure_of(region: Region, scenery: Scenery) -> Any:
             _draw_margin(axes, x, y, margin, scenery.values)
         _draw_boundary(axes, x, y, region)
         _draw_inside(axes, region.plane, scenery)
-    panels[0].set_ylabel(_named(second))
+    panels[0].set_ylabel(f'{second.name} [mm]')
     panels[0].set_title(without_mathematics(small), loc='left', fontsize=9, color=PALE)
     named: dict[str, Any] = {}
     for axes in panels:
@@ -219,16 +198,15 @@ def _draw_inside(axes: Any, plane: Plane, scenery: Scenery) -> None:
     """Draw robot, motion and home."""
     from matplotlib.patheffects import Normal, Stroke
 
-    scales = np.array([_scale(axis) for axis in plane.axes])
     for ends in scenery.lines:
         axes.plot(*(MM * ends.T), color=PALE, lw=3.0, alpha=0.6, solid_capstyle='round')
-    path = scales * plane.coordinates(scenery.path)
+    path = MM * plane.coordinates(scenery.path)
     if np.ptp(path, axis=0).any():
         edge = [Stroke(linewidth=3.4, foreground='white'), Normal()]
         axes.plot(*path.T, color=DARK, lw=1.6, path_effects=edge, label='motion')
     pose, name, beside = path[0], 'start', ''
     if scenery.home is not None:
-        pose, name = scales * plane.coordinates(scenery.home), 'home'
+        pose, name = MM * plane.coordinates(scenery.home), 'home'
         beside = _beside(plane, scenery.home, scenery.coordinates)
     face = 'none' if beside else GOLD
     look = {'ls': '', 'marker': 'o', 'ms': 7, 'mfc': face, 'mec': DARK, 'mew': 1.2}
@@ -245,97 +223,40 @@ def _beside(plane: Plane, pose: Array, coordinates: tuple[Coordinate, ...]) -> s
     return f', from the plane {", ".join(apart)}' if apart else ''
 
 
-def _scale(axis: Axis) -> float:
-    return MM if axis.unit == 'm' else 1.0
-
-
-def _named(axis: Axis) -> str:
-    return f'{axis.name} [{"mm" if axis.unit == "m" else axis.unit}]'
-
-
-# A region as a file: a picture, or its numbers.
-
-NUMBERS = '.json'
-STEPS = 100  # of the grid of numbers
-
-
-def check_reach_file(path: Path) -> None:
+def check_picture(path: Path) -> None:
     """Refuse a file that exists, cannot be made, or has another suffix.
 
     Raises:
         InputError: with the reason.
     """
-    suffixes = (*figures.FORMATS, NUMBERS)
-    if path.suffix not in suffixes:
-        raise UnknownNameError('format of --workspace', path.suffix, suffixes)
+    if path.suffix not in figures.FORMATS:
+        raise UnknownNameError('format of --workspace', path.suffix, figures.FORMATS)
     output.check_new(path, '--workspace')
 
 
-def write_reach(configuration: Configuration, plane: str, path: Path) -> str:
-    """Write what of a plane the robot of a scenario reaches.
+def write_picture(configuration: Configuration, path: Path) -> str:
+    """Draw what the robot of a scenario reaches in the plane of its motion.
 
     Args:
         configuration: The scenario.
-        plane: The plane, see :func:`reach.named_plane`; empty: that of the motion.
-        path: A new file, see :func:`check_reach_file`.
+        path: A new file, see :func:`check_picture`.
 
     Returns:
-        What was found, in a line.
+        The region's extent and area, in a line.
 
     Raises:
-        InputError: there is no such plane, or the robot does not reach its pose.
+        InputError: its pose has no place, or the robot does not reach the first one.
     """
-    chosen, scenery = plane_and_scenery(configuration, plane)
-    if path.suffix == NUMBERS:
-        region = region_of(scenery.robot, chosen, STEPS)
-        output.save(path, json.dumps(plain_region(region, scenery)).encode())
-    else:
-        region = region_of(scenery.robot, chosen)
-        figures.save(figure_of(region, scenery), path)
-    return _told(region)
+    plane, scenery = plane_and_scenery(configuration)
+    region = region_of(scenery.robot, plane)
+    figures.save(figure_of(region, scenery), path)
+    return _described(region)
 
 
-def plain_region(region: Region, scenery: Scenery) -> dict[str, Any]:
-    """A region as plain data; what is not reached is None."""
-    plane, inside = region.plane, region.inside
-    return {
-        'scenario': scenery.values['scenario'],
-        'robot': scenery.robot.name,
-        'coordinates': [axis.name for axis in scenery.coordinates],
-        'coordinate_units': [axis.unit for axis in scenery.coordinates],
-        'plane': {
-            'pose': plane.pose.tolist(),
-            'axes': [axis.name for axis in plane.axes],
-            'units': [axis.unit for axis in plane.axes],
-            'directions': [axis.direction.tolist() for axis in plane.axes],
-        },
-        'first': region.first.tolist(),
-        'second': region.second.tolist(),
-        'reached': inside.tolist(),
-        'margins': {
-            margin.key: {
-                'label': margin.label,
-                'fault_below': scenery.values.get(f'safety.{margin.key}'),
-                'values': [
-                    [None if x != x else x for x in row]
-                    for row in np.where(inside, margin.values, np.nan).tolist()
-                ],
-            }
-            for margin in region.reach.margins
-        },
-        'area': region.area,
-        'complete': region.complete,
-        'home': None if scenery.home is None else scenery.home.tolist(),
-        'motion': scenery.path.tolist(),
-    }
-
-
-def _told(region: Region) -> str:
-    first, second = region.plane.axes
+def _described(region: Region) -> str:
     ends = ', '.join(
-        f'{axis.name} {low:.4g} to {high:.4g} {axis.unit}'
+        f'{axis.name} {low:.4g} to {high:.4g} m'
         for axis, (low, high) in zip(region.plane.axes, region.extent, strict=True)
     )
-    unit = f'{first.unit}^2' if first.unit == second.unit else f'{first.unit} {second.unit}'
     more = '' if region.complete else '; it goes on beyond'
-    return f'{ends}; area {region.area:.4g} {unit}{more}'
+    return f'{ends}; area {region.area:.4g} m^2{more}'

@@ -21,7 +21,7 @@ from parallel_robot.cli.commands.simulate import (
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import load
 from parallel_robot_model.common import tables
-from parallel_robot_model.common.errors import InputError, clean, printable
+from parallel_robot_model.common.errors import clean, printable
 from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_model.configuration.config_files import scenario_of
@@ -57,14 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--workspace',
         type=Path,
         metavar='FILE',
-        help='draw where the tool can reach in a plane, with the margins to singularities, home '
-        'and the motion: a new .png, .pdf or .svg; or .json: the numbers',
-    )
-    parser.add_argument(
-        '--plane',
-        metavar='WHICH',
-        help='plane of --workspace: two coordinates of the pose, perhaps with values of others, '
-        "e.g. x,z or x,z,y=0.1, or in space a normal, e.g. 0,1,1; default: the motion's",
+        help='draw where the tool can reach in the plane of its motion, with the margins to '
+        'singularities and home: a new .png, .pdf or .svg',
     )
     parser.add_argument(
         '--format',
@@ -76,12 +70,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    if arguments.plane and not arguments.workspace:
-        raise InputError('--plane is one of --workspace FILE')
     if arguments.workspace:
         from parallel_robot.analysis import reach_picture  # slow to import
 
-        reach_picture.check_reach_file(arguments.workspace)
+        reach_picture.check_picture(arguments.workspace)
     layers = given_layers(arguments)
     if arguments.law is not None:
         so_far = merged(values for _, values in layers)
@@ -103,7 +95,7 @@ def execute(arguments: argparse.Namespace) -> int:
         figures.check_format(arguments.plot)
         figures.save(planned.figure_of_motion(made), arguments.plot)
     if arguments.workspace:
-        text = reach_picture.write_reach(made, arguments.plane or '', arguments.workspace)
+        text = reach_picture.write_picture(made, arguments.workspace)
         print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)
     if arguments.fit_speed and arguments.format is None:
         return 0
