@@ -68,7 +68,6 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'rest': '-1',
     'protocol': 'no_such_protocol',
     'check': '{tmp}/none',
-    'sweep': '{tmp}/none',
 }
 OUT = ('--out', '{tmp}/out')
 MODES = {  # words of each command, by what changes which options have a meaning

@@ -48,7 +48,6 @@ WORDS = {  # command to its words; {0} is another place for each call
     'identify --design': 'identify --design excitation --trials 3 --out {0}',
     'calibrate --design': 'calibrate --scenario serial_2r_circle --design 4',
     'fronts': 'fronts {tuned} --out {0}.png',
-    'fronts --effort': 'fronts {tuned} --out {0}.png --effort chattering=0.5',
     'verify': 'verify --set robot_model=axes',
     'show': 'show axes_step',
 }

@@ -19,7 +19,7 @@ from parallel_robot.studies.calm import REST
 from parallel_robot.studies.sweep.sweep import worker_count
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot.studies.tuning import tuned
-from parallel_robot.studies.tuning.held_out import Compared, compare
+from parallel_robot.studies.tuning.front import Compared, compare
 from parallel_robot.studies.tuning.tuned import IMPROVEMENT, Asked, Tuned
 from parallel_robot.studies.verification import (
     SCENARIOS,
@@ -315,14 +315,7 @@ def recover(bag: str | Path, out: str | Path, *, memory: int = MEMORY) -> Recove
     return recovery.recover(arguments.path('a bag', bag), arguments.path('out', out), memory)
 
 
-def fronts(
-    directories: Iterable[str | Path],
-    out: str | Path,
-    *,
-    effort: str | None = None,
-    study: str | Path | None = None,
-    sweep: str | Path | None = None,
-) -> Compared:
+def fronts(directories: Iterable[str | Path], out: str | Path) -> Compared:
     """Draw the fronts of several tunings in one picture, as ``parallel_robot fronts`` does.
 
     >>> import parallel_robot as pr
@@ -333,11 +326,7 @@ def fronts(
 
     Args:
         directories: Those of the results of :func:`tune`.
-        out: Picture, .png or .svg, or with `study` a .yaml; must not exist.
-        effort: ``'MEASURE=VALUE'``: compare laws at exactly this effort.
-        study: Name or file of a study, which is written with the trials around the effort as its
-            laws, for :func:`sweep`.
-        sweep: Directory of a sweep of it, whose medians take the place of those of the searches.
+        out: Picture, .png or .svg; must not exist.
 
     Returns:
         What the command prints; ``as_data()`` has the figures.
@@ -349,7 +338,4 @@ def fronts(
     return compare(
         [arguments.path('a directory', each) for each in directories],
         arguments.path('out', out),
-        None if effort is None else named('effort', effort),
-        None if study is None else named('study', study),
-        arguments.optional('sweep', sweep),
     )

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from parallel_robot.cli.shared import add_format_argument, show
 from parallel_robot.studies.tuning import front
-from parallel_robot.studies.tuning.held_out import compare
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -22,36 +21,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help=f'picture, {" or ".join(front.FORMATS)}; must not exist',
     )
-    parser.add_argument(
-        '--effort',
-        metavar='MEASURE=VALUE',
-        help='compare laws at exactly this effort, on the lines between the trials that enclose '
-        'it; searches of a law with several seeds are one row',
-    )
-    parser.add_argument(
-        '--study',
-        metavar='STUDY',
-        help='write --out, a .yaml, as this study with the trials around --effort as its laws',
-    )
-    parser.add_argument(
-        '--sweep',
-        type=Path,
-        metavar='DIR',
-        help='--out of a `sweep` of that study: its medians take the place of those of the search',
-    )
     add_format_argument(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Run the command."""
-    found = compare(
-        arguments.directories,
-        arguments.out,
-        arguments.effort,
-        arguments.study,
-        arguments.sweep,
-        '--out',
-    )
-    files = [f'{"fronts" if arguments.study is None else "study"}  {arguments.out}']
-    show(arguments.format, found.parts(), found.as_data(), files)
+    found = front.compare(arguments.directories, arguments.out, '--out')
+    show(arguments.format, found.parts(), found.as_data(), [f'fronts  {arguments.out}'])
     return 0

@@ -13,6 +13,7 @@ import numpy as np
 from parallel_robot.analysis.metrics import Metric
 from parallel_robot.analysis.report.figures import encoded
 from parallel_robot.analysis.report.looks import RUNS, label, law_label
+from parallel_robot.bags.output import check_new, save
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.tuning import output
@@ -20,7 +21,7 @@ from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
 from parallel_robot.studies.tuning.tune import Store
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Table
+from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import BOTH, HINGES, PRISMATIC, JointUnits
 from parallel_robot_model.configuration import yaml_file
 
@@ -222,12 +223,8 @@ def fronts_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
     ]
 
 
-def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[str, bytes]:
+def draw_fronts(fronts: Sequence[Front]) -> dict[str, bytes]:
     """Draw the fronts; the gains that were taken are stars.
-
-    Args:
-        fronts: The fronts.
-        effort: Where a line marks an effort, in the unit of its column; None: none does.
 
     Returns:
         Suffix to content.
@@ -254,8 +251,45 @@ def draw_fronts(fronts: Sequence[Front], effort: float | None = None) -> dict[st
             name = label(f'{name} ({front.name})')
         ends[k] = name, front.law in PAPER, line, (efforts[0], errors[0])
     first = fronts[0]
-    if effort is not None:
-        panel.axvline(first.effort.scale * effort, color='#888888', linewidth=0.8, zorder=0)
     output.label_axes(panel, str(first.manifest['scenario']), first.effort, first.error)
     name_lines(panel, [*ends.values()], LINE / (height - MARGIN))
     return encoded(figure, output.SUFFIXES)
+
+
+@dataclass(frozen=True, repr=False)
+class Compared(ShownResult):
+    """Fronts of several tunings."""
+
+    fronts: Sequence[Front]
+    out: Path  # the picture that was written
+
+    def parts(self) -> list[Part]:
+        """The trials that were taken."""
+        return [fronts_table(self.fronts)]
+
+    def as_data(self) -> list[dict[str, Any]]:
+        """All points of the fronts as plain data."""
+        return fronts_data(self.fronts)
+
+
+def compare(directories: Sequence[Path], out: Path, option: str = 'out') -> Compared:
+    """Draw the fronts of some tunings.
+
+    Args:
+        directories: Each the results of a tuning that has ended.
+        out: A picture, of a suffix in FORMATS; must not exist.
+        option: What `out` is called in messages.
+
+    Raises:
+        InputError: one has no front, they cannot be compared, or the file cannot be written.
+        RunError: the disk is full.
+    """
+    if out.suffix not in FORMATS:
+        raise InputError(f'{option} must end with {" or ".join(FORMATS)}, not {out.name!r}')
+    check_new(out, option)
+    if not directories:
+        raise InputError('directories of tunings are needed')
+    found = [read_front(directory) for directory in directories]
+    check_fronts(found)
+    save(out, draw_fronts(found)[out.suffix.removeprefix('.')])
+    return Compared(found, out)
