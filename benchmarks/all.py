@@ -24,7 +24,6 @@ from typing import Any
 
 import checkout
 from benchmark_page import PAGE, page
-from graphs import revision
 
 TIMEOUT = 3600.0  # s for one of them
 MUJOCO = 'mujoco-core' if sys.version_info >= (3, 11) else 'mujoco'  # as in setup.py
@@ -42,8 +41,8 @@ BENCHMARKS: dict[str, tuple[list[str], list[str]]] = {  # arguments, and those o
     'player': (['12'], ['2']),
     'recorder': (['60'], ['4']),
     'nodes': (
-        ['--pairs', '3', '--seconds', '8'],
-        ['--pairs', '1', '--seconds', '4', '--starts', '1'],
+        ['--rounds', '3', '--seconds', '8'],
+        ['--rounds', '1', '--seconds', '4', '--starts', '1'],
     ),
 }
 
@@ -113,6 +112,12 @@ def machine() -> dict[str, Any]:
         'revision': revision(),
         'load_average': os.getloadavg()[0],
     }
+
+
+def revision() -> str:
+    """Commit of the checkout, with a plus when files have changed since."""
+    words = ['git', '-C', str(checkout.ROOT), 'describe', '--always', '--abbrev=7', '--dirty=+']
+    return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
 
 
 def processor() -> str:

@@ -84,10 +84,8 @@ States 3 ms late are predicted over three more periods.""",
     ),
     'recorder': ('Recorder', 'Six topics of 1 kHz, recorded for a minute.'),
     'nodes': (
-        'Nodes, beside an empty twin',
-        """\
-The four nodes, and in turns four processes that exchange messages of the same size and compute
-nothing ([what each figure means](../benchmarks/README.md#the-nodes-beside-an-empty-twin)).""",
+        'Nodes',
+        'The four nodes ([what each figure means](../benchmarks/README.md#the-nodes)).',
     ),
 }
 BESIDE = {  # figures of one thing that stand in one row: the ends of their names
@@ -108,7 +106,6 @@ BESIDE = {  # figures of one thing that stand in one row: the ends of their name
     'length': ('', ', memory'),
     'laws': (', kernel', ', node, bytes to command'),
     'native': (', median', ', 99.99 %', ', worst'),
-    'nodes': ('', ', times the twin'),
 }
 
 

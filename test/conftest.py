@@ -27,7 +27,7 @@ PROCESSES = (  # tests that start processes
     'calibrate',
     *('cluster', 'command_line'),
     *('completion', 'config', 'custom_import', 'custom_laws', 'custom_robots'),
-    *('custom_trajectories', 'declared_options', 'docs', 'empty_graph', 'environment'),
+    *('custom_trajectories', 'declared_options', 'docs', 'environment'),
     *('every_processor', 'faulty_robots', 'first_power_up', 'fmu', 'foreign_fmu'),
     'forked_process',
     *('foxglove', 'hold_node', 'hostile_bags', 'hostile_loop', 'hostile_wire', 'interpreted'),
