@@ -34,16 +34,13 @@ class World:
         monkeypatch.setattr(ros_session, 'time', SimpleNamespace(monotonic=lambda: self.now))
         session = Session(self.ready_at, lambda: None)
         session._node = SimpleNamespace(count_publishers=lambda _: 1)
-        session._ready = {
-            name: SimpleNamespace(
-                name=name, service_is_ready=lambda name=name: self.now >= self.there_at[name]
-            )
-            for name in self.ready_at
-        }
+        session._services = SimpleNamespace(
+            ready=lambda service: self.now >= self.there_at[service.removesuffix('/ready')]
+        )
 
-        def call(client, _):
+        def call(service):
             self.now += ASKING
-            return self.says if self.now >= self.ready_at[client.name] else None
+            return self.says if self.now >= self.ready_at[service.removesuffix('/ready')] else None
 
         monkeypatch.setattr(session, '_call', call)
         session.wait_until_ready(seconds, self.work, lambda names: self.shown.append([*names]))

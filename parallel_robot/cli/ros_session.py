@@ -10,18 +10,20 @@ from typing import Any
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import ParameterType
-from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
-from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.parameter_client import AsyncParameterClient
-from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import InputError, RunError, printable
 from parallel_robot_model.configuration.plain_data import whole_number
 from parallel_robot_model.messages.topics import OUTPUTS
 from parallel_robot_model.nodes.background import OUTSIDE, STATE_INDEX
 from parallel_robot_model.nodes.middleware import tool_node
+from parallel_robot_model.nodes.ros_client import (
+    OF_PARAMETERS,
+    Services,
+    messages_of,
+    reported,
+    values_of,
+)
 from parallel_robot_model.processes import realtime
 from parallel_robot_model.processes.node_processes import Work
 
@@ -30,6 +32,7 @@ START_TIMEOUT = 60.0  # s, for the answer to a start
 CHECK_INTERVAL = 2.0  # s, between two checks how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
 SILENT = 'it does not answer'
+READY = '{}/ready'.format  # the service of a node
 
 
 class Session:
@@ -65,13 +68,8 @@ class Session:
     def __enter__(self) -> Session:
         node = tool_node('parallel_robot_run', self._transport, namespace=self._namespace)
         self._node = self._exit.enter_context(node)
-        self._ready = {
-            name: self._node.create_client(Trigger, f'{name}/ready') for name in self._names
-        }
-        self._set = {
-            name: self._node.create_client(SetParameters, f'{name}/set_parameters')
-            for name in self._names
-        }
+        self._services = Services(self._node)
+        self._services.ready(*map(READY, self._names))
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self.take_diagnostics, 10)
         return self
 
@@ -107,13 +105,13 @@ class Session:
             seen: dict[str, bool] = {}  # of those that do not answer, whether they are there
             for name in list(waiting):
                 show(waiting)
-                answer = self._call(self._ready[name], Trigger.Request())
+                answer = self._call(READY(name))
                 if answer is not None and answer.success:
                     del waiting[name]
                 elif answer is not None:
                     waiting[name] = answer.message
                 else:
-                    seen[name] = self._ready[name].service_is_ready()
+                    seen[name] = self._services.ready(READY(name))
             now = time.monotonic()
             if now - looked > CHECK_INTERVAL:
                 new = {name: work(name) for name in waiting}
@@ -139,11 +137,7 @@ class Session:
 
     def silent(self, names: Iterable[str]) -> list[str]:
         """Those of some nodes that do not answer."""
-        return [
-            name
-            for name in names
-            if not self._call(self._ready[name], Trigger.Request(), CHECK_INTERVAL)
-        ]
+        return [name for name in names if not self._call(READY(name), CHECK_INTERVAL)]
 
     def start(self, name: str, stamp: int) -> None:
         """Give a node the stamp of t = 0 [ns].
@@ -151,9 +145,8 @@ class Session:
         Raises:
             RunError: the node does not take it.
         """
-        parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
-        answer = self._call(self._set[name], request, START_TIMEOUT)
+        given = messages_of({'start_stamp': stamp})
+        answer = self._call(f'{name}/set_parameters', START_TIMEOUT, parameters=given)
         result = answer.results[0] if answer and answer.results else None
         if result is None or not result.successful:
             reason = result.reason if result else SILENT
@@ -165,26 +158,14 @@ class Session:
         Raises:
             RunError: it does not answer.
         """
-        client = self._node.create_client(Trigger, service)
-        try:
-            answer = self._call(client, Trigger.Request(), START_TIMEOUT)
-        finally:
-            self._node.destroy_client(client)
+        answer = self._call(service, START_TIMEOUT)
         if answer is None:
             raise RunError(f'{service}: {SILENT}')
         return str(answer.message)
 
-    def _call(self, client: Any, request: Any, seconds: float = ANSWER_TIMEOUT) -> Any:
+    def _call(self, service: str, seconds: float = ANSWER_TIMEOUT, **fields: Any) -> Any:
         """Answer of a service, None when there is none in time."""
-        self._watch()
-        if not client.wait_for_service(ANSWER_TIMEOUT):
-            return None
-        future = client.call_async(request)
-        deadline = time.monotonic() + seconds
-        while not future.done() and time.monotonic() < deadline:
-            rclpy.spin_until_future_complete(self._node, future, timeout_sec=ANSWER_TIMEOUT)
-            self._watch()
-        return future.result() if future.done() else None
+        return self._services.call(service, ANSWER_TIMEOUT, seconds, self._watch, **fields)
 
     def take_diagnostics(self, message: DiagnosticArray) -> None:
         """Take progress and alarms from diagnostics, which are of any node of the domain."""
@@ -196,7 +177,7 @@ class Session:
                 failed = status.level == DiagnosticStatus.ERROR
                 self.alarms[name] = printable(status.message) if failed else ''
             if name == 'plant':
-                values = {item.key: item.value for item in status.values}
+                values = reported(status)
                 index = whole_number(values.get(STATE_INDEX, ''))
                 self.state = self.state if index is None else index
                 self.driven_out |= values.get(OUTSIDE) == str(True)
@@ -218,10 +199,11 @@ class Remote:
     def __init__(self, own: Node, name: str) -> None:
         """Prepare; `own` asks the node of that full name."""
         self._own, self.name = own, name
+        self._clients = Services(own)
 
     def names(self) -> list[str]:
         """Names of its parameters, in order."""
-        return sorted(self._wait(self._parameters().list_parameters()).result.names)
+        return sorted(self._ask('list_parameters').result.names)
 
     def values(self, names: Iterable[str]) -> dict[str, Any]:
         """Some of its parameters by name.
@@ -230,12 +212,11 @@ class Remote:
             InputError: it has none of a name.
         """
         asked = list(names)
-        answer = self._wait(self._parameters().get_parameters(asked)).values
-        if len(answer) != len(asked) or any(value.type == NOT_SET for value in answer):
+        answer = self._ask('get_parameters', names=asked)
+        if len(answer.values) != len(asked) or any(one.type == NOT_SET for one in answer.values):
             missing = sorted(set(asked) - set(self.names()))
             raise InputError(f'{self.name} has no parameter {", ".join(missing)}')
-        pairs = zip(asked, answer, strict=True)
-        return {name: parameter_value_to_python(value) for name, value in pairs}
+        return values_of(asked, answer)
 
     def set(self, values: Mapping[str, Any]) -> None:
         """Set several of its parameters, all or none; whole numbers become what it has.
@@ -243,15 +224,14 @@ class Remote:
         Raises:
             InputError: the node refuses them.
         """
-        client = self._parameters()
-        types = self._wait(client.get_parameter_types(list(values))).types
+        types = self._ask('get_parameter_types', names=list(values)).types
         if len(types) != len(values):  # it does not know all names, and says so when they are set
             types = [NOT_SET] * len(values)
         typed = [
-            _parameter(name, _as_doubles(value) if kind in DOUBLES else value)
+            _message(name, _as_doubles(value) if kind in DOUBLES else value)
             for (name, value), kind in zip(values.items(), types, strict=True)
         ]
-        result = self._wait(client.set_parameters_atomically(typed)).result
+        result = self._ask('set_parameters_atomically', parameters=typed).result
         if not result.successful:
             raise InputError(f'{self.name} refuses: {result.reason}')
 
@@ -269,10 +249,7 @@ class Remote:
             raise InputError(f'{self.name} has no service {service}; without arguments: {known}')
         if own[service] != TRIGGER:
             raise InputError(f'{self.name}/{service} is of {own[service]}, not {TRIGGER}')
-        client = self._own.create_client(Trigger, f'{self.name}/{service}')
-        if not client.wait_for_service(HEARD):
-            raise RunError(f'{self.name}/{service} is not heard')
-        answer = self._wait(client.call_async(Trigger.Request()))
+        answer = self._ask(service)
         return bool(answer.success), str(answer.message)
 
     def _services(self) -> dict[str, str]:
@@ -281,17 +258,19 @@ class Remote:
         every = self._own.get_service_names_and_types()
         return {name[len(head) :]: kind for name, (kind, *_) in every if name.startswith(head)}
 
-    def _parameters(self) -> AsyncParameterClient:
-        client = AsyncParameterClient(self._own, self.name)
-        if not client.wait_for_services(HEARD):
-            raise RunError(f'{self.name} does not answer for its parameters')
-        return client
-
-    def _wait(self, future: Future) -> Any:
-        rclpy.spin_until_future_complete(self._own, future, timeout_sec=ANSWERED)
-        if not future.done():
+    def _ask(self, service: str, **fields: Any) -> Any:
+        name, asks = f'{self.name}/{service}', service in OF_PARAMETERS
+        if not self._clients[name].wait_for_service(HEARD):
+            said = (
+                f'{self.name} does not answer for its parameters'
+                if asks
+                else f'{name} is not heard'
+            )
+            raise RunError(said)
+        answer = self._clients.call(name, HEARD, ANSWERED, **fields)
+        if answer is None:
             raise RunError(f'{self.name} does not answer within {ANSWERED:g} s')
-        return future.result()
+        return answer
 
 
 @contextmanager
@@ -322,13 +301,13 @@ def _heard(own: Node) -> list[str]:
     return sorted(names - {own.get_fully_qualified_name()})
 
 
-def _parameter(name: str, value: Any) -> Parameter:
+def _message(name: str, value: Any) -> Any:
     """A parameter of ROS."""
     items = value if isinstance(value, list) else [value]
     try:
         if any(isinstance(item, int) and item.bit_length() > 63 for item in items):
             raise TypeError
-        return Parameter(name, value=value)
+        return messages_of({name: value})[0]
     except TypeError:
         shown = printable(repr(value))
         raise InputError(

@@ -6,14 +6,12 @@ import math
 import time
 from collections import Counter
 from collections.abc import Callable
-from typing import Any, ClassVar, NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
-from rclpy.parameter import parameter_value_to_python
-from std_srvs.srv import Trigger
 
 from parallel_robot.live.source import Description
 from parallel_robot.watch.robots import Robots, Tell
@@ -23,6 +21,7 @@ from parallel_robot_model.configuration.yaml_file import is_configuration
 from parallel_robot_model.messages import cdr, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.joint_reader import JointReader
+from parallel_robot_model.nodes.ros_client import plain
 
 LONGEST = 2000  # messages of a topic that may wait: two seconds
 ROUNDS = 3  # of the executor in a look, for answers of the nodes
@@ -45,14 +44,12 @@ class LiveGraph(RosGraph):
     """Listens to one robot."""
 
     DEPTH = LONGEST
-    SERVICES: ClassVar[dict[str, Any]] = {
-        **RosGraph.SERVICES,
-        'plant/reset': Trigger,
-        'trajectory/set_parameters': SetParameters,
-        **{f'{node}/describe_parameters': DescribeParameters for node in ASKED},
-        **{f'{node}/list_parameters': ListParameters for node in ASKED},
-        **{f'{node}/get_parameters': GetParameters for node in ASKED},
-    }
+    SERVICES = (
+        *RosGraph.SERVICES,
+        'plant/reset',
+        'trajectory/set_parameters',
+        *(f'{node}/{kind}_parameters' for node in ASKED for kind in ('list', 'get', 'describe')),
+    )
 
     def __init__(self, robots: Robots) -> None:
         """Prepare; reports of the nodes go into `robots`."""
@@ -79,13 +76,9 @@ class LiveGraph(RosGraph):
 
     def watch(self, namespace: str) -> None:
         """Read one robot, by its namespace."""
-        self.forget()
-        super().watch(namespace)
-
-    def forget(self) -> None:
-        """Ask for all parameters anew."""
         self.parameters, self.descriptions = {}, {}
         self._waiting.clear()
+        super().watch(namespace)
 
     def look(self) -> None:
         """Take all that has come since the last look."""
@@ -119,39 +112,23 @@ class LiveGraph(RosGraph):
             asked = self._waiting.get(node, -math.inf)  # an answer can be lost as well
             if node in self.parameters or now - asked < ANSWER_TIMEOUT:
                 continue
-            client = self._clients[f'{node}/list_parameters']
-            if client.service_is_ready():
+            name = f'{self._namespace}/{node}'
+            if self._services.ready(f'{name}/list_parameters'):
                 self._waiting[node] = now
-                self._call(f'{node}/list_parameters', ListParameters.Request(), self._names(node))
+                self._services.read_parameters(name, partial(self._take_parameters, node))
 
     def reset(self, tell: Tell) -> None:
         """Put the robot of the plant back to its start."""
-        self.ask('plant/reset', Trigger.Request(), tell)
+        self.ask('plant/reset', tell)
 
-    def _call(self, name: str, request: Any, take: Callable[[Any], None]) -> None:
-        future = self._clients[name].call_async(request)
-        future.add_done_callback(lambda done: take(done.result()))
+    def _take_parameters(self, node: str, found: dict[str, Any]) -> None:
+        self.parameters[node] = found
+        self._waiting.pop(node, None)
+        service = f'{self._namespace}/{node}/describe_parameters'
+        self._services.send(service, partial(self._take_descriptions, node), names=[*found])
 
-    def _names(self, node: str) -> Callable[[Any], None]:
-        def take(answer: Any) -> None:
-            names = list(answer.result.names)
-            request = GetParameters.Request(names=names)
-            self._call(f'{node}/get_parameters', request, lambda found: values(names, found))
-
-        def values(names: list[str], answer: Any) -> None:
-            found = map(_plain, answer.values)
-            self.parameters[node] = dict(zip(names, found, strict=False))
-            self._waiting.pop(node, None)
-            described = DescribeParameters.Request(names=names)
-            self._call(f'{node}/describe_parameters', described, self._described(node))
-
-        return take
-
-    def _described(self, node: str) -> Callable[[Any], None]:
-        def take(answer: Any) -> None:
-            self.descriptions[node] = {one.name: _description(one) for one in answer.descriptors}
-
-        return take
+    def _take_descriptions(self, node: str, answer: Any) -> None:
+        self.descriptions[node] = {one.name: _description(one) for one in answer.descriptors}
 
     def _on_event(self, event: ParameterEvent) -> None:
         space, _, node = event.node.rpartition('/')
@@ -161,7 +138,7 @@ class LiveGraph(RosGraph):
             self.parameters.pop(node, None)
             self._waiting.pop(node, None)
         elif node in self.parameters:
-            changed = {one.name: _plain(one.value) for one in event.changed_parameters}
+            changed = {one.name: plain(one.value) for one in event.changed_parameters}
             self.parameters[node] = {**self.parameters[node], **changed}
 
 
@@ -187,9 +164,3 @@ def _description(told: Any) -> Description:
     ranges = [*told.floating_point_range, *told.integer_range]
     low, high = (ranges[0].from_value, ranges[0].to_value) if ranges else (None, None)
     return Description(told.description, low, high, told.read_only)
-
-
-def _plain(value: Any) -> Any:
-    """A parameter value as plain data."""
-    found = parameter_value_to_python(value)
-    return found if isinstance(found, (bool, int, float, str, type(None))) else list(found)

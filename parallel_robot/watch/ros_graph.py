@@ -10,24 +10,21 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParameters
-from rclpy.client import Client
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rclpy.subscription import Subscription
 from rclpy.task import Future
-from std_srvs.srv import Trigger
 
 from parallel_robot.watch.robots import Robot, Robots, Tell, read_joints
 from parallel_robot_model.messages import cdr, layouts, topics
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.nodes.connections import message_class
 from parallel_robot_model.nodes.middleware import tool_node
+from parallel_robot_model.nodes.ros_client import Services, messages_of, reported
 
 DIAGNOSTICS = Topic('/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', 0)
 ANSWER_TIMEOUT = 3.0  # s, for the answer of a node
@@ -39,15 +36,15 @@ class RosGraph:
 
     Attributes:
         DEPTH: Messages of a topic that may come between two looks; more are dropped.
-        SERVICES: Services of the watched robot that can be asked for, and their types.
+        SERVICES: Services of the watched robot that can be asked for.
     """
 
     DEPTH = 200
-    SERVICES: ClassVar[dict[str, Any]] = {
-        'controller/set_parameters': SetParameters,
-        'controller/emergency_stop': Trigger,
-        'controller/clear_fault': Trigger,
-    }
+    SERVICES: tuple[str, ...] = (
+        'controller/set_parameters',
+        'controller/emergency_stop',
+        'controller/clear_fault',
+    )
 
     def __init__(self, robots: Robots, name: str = 'parallel_robot_top') -> None:
         """Prepare.
@@ -61,13 +58,13 @@ class RosGraph:
         self._namespace = ''
         self._subscriptions: list[tuple[Subscription, Callable[[bytes], None]]] = []
         self._asked: dict[Future, tuple[float, Tell]] = {}
-        self._clients: dict[str, Client] = {}  # by service of the watched robot
         self._pose = layouts.pose_stamped(topics.FRAME)
         self._state = b''  # the newest joint state since the last look
 
     def __enter__(self) -> RosGraph:
         node = tool_node(self._name, enable_rosout=False)
         self._node = self._exit.enter_context(node)
+        self._services = Services(self._node)  # those of the watched robot
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._listen(DIAGNOSTICS, self._on_diagnostics)
@@ -80,12 +77,8 @@ class RosGraph:
         """Read what one robot tells, by its namespace, and no longer what another does."""
         while len(self._subscriptions) > 1:
             self._node.destroy_subscription(self._subscriptions.pop()[0])
-        for client in self._clients.values():
-            self._node.destroy_client(client)
-        self._clients = {
-            name: self._node.create_client(kind, f'{namespace}/{name}')
-            for name, kind in self.SERVICES.items()
-        }
+        self._services.clear()
+        self._services.ready(*(f'{namespace}/{name}' for name in self.SERVICES))
         self._namespace, self._state = namespace, b''
         for topic, take in self.takers().items():
             self._listen(topic._replace(name=f'{namespace}/{topic.name}'), take)
@@ -133,24 +126,22 @@ class RosGraph:
 
     def set_parameter(self, node: str, key: str, value: Any, tell: Tell) -> None:
         """Ask a node to change a parameter."""
-        request = SetParameters.Request(
-            parameters=[Parameter(key, value=value).to_parameter_msg()]
-        )
-        self.ask(f'{node}/set_parameters', request, tell)
+        self.ask(f'{node}/set_parameters', tell, parameters=messages_of({key: value}))
 
     def emergency_stop(self, tell: Tell) -> None:
         """Ask the controller for its safe action."""
-        self.ask('controller/emergency_stop', Trigger.Request(), tell)
+        self.ask('controller/emergency_stop', tell)
 
     def clear_fault(self, tell: Tell) -> None:
         """Ask the controller to end its safe action."""
-        self.ask('controller/clear_fault', Trigger.Request(), tell)
+        self.ask('controller/clear_fault', tell)
 
-    def ask(self, name: str, request: Any, tell: Tell) -> None:
+    def ask(self, name: str, tell: Tell, **fields: Any) -> None:
         """Ask a service of the watched robot; its answer is shown when it has come."""
-        client = self._clients.get(name)
-        if client is not None and client.service_is_ready():
-            self._asked[client.call_async(request)] = (time.monotonic() + ANSWER_TIMEOUT, tell)
+        service = f'{self._namespace}/{name}'
+        if service in self._services and self._services.ready(service):
+            future = self._services.send(service, **fields)
+            self._asked[future] = (time.monotonic() + ANSWER_TIMEOUT, tell)
         else:
             tell(False, f'there is no {name.partition("/")[0]}')
 
@@ -171,12 +162,12 @@ class RosGraph:
                 status.hardware_id,
                 int.from_bytes(status.level, 'little'),
                 status.message,
-                {item.key: item.value for item in status.values},
+                reported(status),
             )
 
     def _on_status(self, data: bytes) -> None:
         for status in _statuses(data):
-            self._robots[self._namespace].status({item.key: item.value for item in status.values})
+            self._robots[self._namespace].status(reported(status))
 
     def _keep_state(self, data: bytes) -> None:
         self._state = data
@@ -198,7 +189,7 @@ def _statuses(data: bytes) -> list[Any]:
 
 def _outcome(answer: Any) -> tuple[bool, str]:
     """Whether a node did what it was asked for, and its message."""
-    if isinstance(answer, SetParameters.Response):
+    if hasattr(answer, 'results'):  # of parameters that were to be set
         done = any(result.successful for result in answer.results)
         text = ', '.join(result.reason for result in answer.results)
     else:

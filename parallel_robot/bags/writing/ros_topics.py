@@ -10,12 +10,9 @@ from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import GetParameters, ListParameters
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
-from rclpy.task import Future
 
 from parallel_robot.bags.messages.message_types import Channel, channel, qos_profile
 from parallel_robot_model.common.errors import InputError
@@ -23,6 +20,7 @@ from parallel_robot_model.configuration.fields import Field
 from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages.topics import DEPTH, RECORDED, Topic
 from parallel_robot_model.nodes.connections import listen, message_class, prefixes, qos_of
+from parallel_robot_model.nodes.ros_client import Services, plain
 
 # Definitions of message types as bags hold them: from rosbags, or from installed files.
 
@@ -234,7 +232,7 @@ class ParameterWatch:
         self._seen: dict[str, float] = {itself: 0.0}  # s, when first seen
         self._present: set[str] = set()
         self._asked, self._answered = {itself}, {itself}
-        self._clients: dict[str, tuple[Any, Any]] = {}
+        self._services = Services(node)
         node.create_subscription(ParameterEvent, '/parameter_events', self._on_event, DEPTH)
 
     def ask(self, names: Iterable[str]) -> None:
@@ -244,15 +242,9 @@ class ParameterWatch:
             self._seen.setdefault(name, time.monotonic())
             if name in self._asked or UNKNOWN in name:
                 continue
-            if name not in self._clients:
-                self._clients[name] = (
-                    self._node.create_client(ListParameters, f'{name}/list_parameters'),
-                    self._node.create_client(GetParameters, f'{name}/get_parameters'),
-                )
-            if all(client.service_is_ready() for client in self._clients[name]):
+            if self._services.ready(f'{name}/list_parameters', f'{name}/get_parameters'):
                 self._asked.add(name)
-                future = self._clients[name][0].call_async(ListParameters.Request())
-                future.add_done_callback(partial(self._on_names, name))
+                self._services.read_parameters(name, partial(self._on_values, name))
 
     def missing(self) -> list[str]:
         """Nodes that are present but have not answered yet."""
@@ -263,33 +255,17 @@ class ParameterWatch:
             if now - self._seen[name] < ANSWER_TIMEOUT
         ]
 
-    def _on_names(self, node: str, future: Future) -> None:
-        names = list(future.result().result.names)
-        answer = self._clients[node][1].call_async(GetParameters.Request(names=names))
-        answer.add_done_callback(partial(self._on_values, node, names))
-
-    def _on_values(self, node: str, names: list[str], future: Future) -> None:
-        values = map(_plain, future.result().values)
+    def _on_values(self, node: str, values: dict[str, Any]) -> None:
         self._answered.add(node)
-        self._found(node, dict(zip(names, values, strict=False)))
+        self._found(node, values)
 
     def _on_event(self, event: ParameterEvent) -> None:
         if event.node not in self._seen:  # of another robot, say: all nodes share the topic
             return
-        values = {
-            parameter.name: _plain(parameter.value) for parameter in event.changed_parameters
-        }
+        values = {one.name: plain(one.value) for one in event.changed_parameters}
         values |= {
-            new.name: _plain(new.value) for new in event.new_parameters if new.name == MOTION
+            one.name: plain(one.value) for one in event.new_parameters if one.name == MOTION
         }
         values = {key: value for key, value in values.items() if key not in OTHERS}
         if values:
             self._changed(event.node, values)
-
-
-def _plain(value: Any) -> Any:
-    """A parameter value as plain data."""
-    plain = parameter_value_to_python(value)
-    if isinstance(plain, (bool, int, float, str, type(None))):
-        return plain
-    return [item.hex() if isinstance(item, bytes) else item for item in plain]
