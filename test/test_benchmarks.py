@@ -93,14 +93,16 @@ def test_a_unit_of_a_whole_column_stands_in_its_head(modules):
     assert page.table(figures[:1], ('',)) == '- a, kernel: 0 us'
 
 
-def test_the_programs_that_pages_cite_run(monkeypatch):
+def test_the_programs_that_pages_cite_run(monkeypatch, capsys):
     """Shortened; those that need nodes are left to the campaign."""
     monkeypatch.syspath_prepend(ROOT / 'benchmarks')
-    noise, time_outs = map(importlib.import_module, ('noise', 'time_outs'))
-    monkeypatch.setattr(time_outs, 'AFTER', 0.02)
-    monkeypatch.setattr(noise, 'SEEDS', range(1))
-    assert 0.001 < time_outs.astray('pid', 0.01, 0.05, 0.05) < 0.1
-    assert re.fullmatch(r'\d+ \([\d.]+\)', noise._cell('pid', noise.ENCODER, 0.05))
+    tables = importlib.import_module('doc_tables')
+    monkeypatch.setattr(tables, 'AFTER', 0.02)
+    monkeypatch.setattr(tables, 'SEEDS', range(1))
+    assert 0.001 < tables.astray('pid', 0.01, 0.05, 0.05) < 0.1
+    assert re.fullmatch(r'\d+ \([\d.]+\)', tables.loss('pid', tables.ENCODER, 0.05))
+    tables.delays(['1'])
+    assert re.search(r'1 robots, default kept on \d\n  exact \d', capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,6 @@ def test_the_programs_that_pages_cite_run(monkeypatch):
         pytest.param(
             ('calibration', '1', '10', 'planar_3rrr', 'five_bar'), marks=pytest.mark.endurance
         ),
-        ('delays', '1'),
         ('estimators', '1'),
         ('kernels', '1', '1'),
         pytest.param(('native', '--seconds', '0.5'), marks=pytest.mark.endurance),
@@ -124,7 +125,7 @@ def test_a_program_that_a_page_cites_ends_with_figures(words, monkeypatch, capsy
 
 def test_the_table_of_noise_has_every_law(monkeypatch):
     monkeypatch.syspath_prepend(ROOT / 'benchmarks')
-    noise = importlib.import_module('noise')
+    tables = importlib.import_module('doc_tables')
     text = (ROOT / 'docs' / 'noise.md').read_text()
     table = text.partition('## What each law loses')[2].partition('\n## ')[0]
-    assert re.findall(r'^\| `(\w+)`', table, re.MULTILINE) == list(noise.LAWS)
+    assert re.findall(r'^\| `(\w+)`', table, re.MULTILINE) == list(tables.LAWS)
