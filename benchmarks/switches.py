@@ -27,8 +27,6 @@ from diagnostic_msgs.msg import DiagnosticArray
 from graph_processes import busy
 from joins import JOINER, RUN
 from mcap.reader import make_reader
-from rcl_interfaces.srv import DescribeParameters, GetParameters, ListParameters, SetParameters
-from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
 
@@ -40,6 +38,7 @@ from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages import topics
+from parallel_robot_model.nodes.ros_client import Services, messages_of, reported
 
 PATIENCE = 30.0  # s
 SETTLE = 1.5  # s, before each phase
@@ -71,13 +70,13 @@ class Client:
         rclpy.init(args=[])
         self.node = rclpy.create_node('benchmark_switches')
         self.callbacks: list[tuple[int, str, float]] = []
-        self._clients: dict[str, Any] = {}
+        self._services = Services(self.node)
         self.node.create_subscription(DiagnosticArray, '/diagnostics', self._take, 100)
 
     def _take(self, array: DiagnosticArray) -> None:
         """Note the longest callback of a second of a node."""
         for status in array.status:
-            values = {item.key: item.value for item in status.values}
+            values = reported(status)
             if LONGEST in values:
                 length, _, name = values[LONGEST].partition(' ')
                 what = f'{status.hardware_id} {name}'
@@ -89,35 +88,25 @@ class Client:
         while (left := due - time.monotonic()) > 0.0:
             rclpy.spin_once(self.node, timeout_sec=left)
 
-    def call(self, kind: Any, name: str, request: Any) -> Any:
+    def call(self, name: str, **fields: Any) -> Any:
         """Answer of a service of the controller."""
-        client = self._clients.get(name) or self.node.create_client(kind, f'controller/{name}')
-        self._clients[name] = client
-        if not client.wait_for_service(PATIENCE):
-            raise RuntimeError(f'no service {name}')
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(self.node, future, timeout_sec=PATIENCE)
-        return future.result()
+        answer = self._services.call(f'controller/{name}', PATIENCE, PATIENCE, **fields)
+        if answer is None:
+            raise RuntimeError(f'no answer of {name}')
+        return answer
 
     def set(self, **changes: Any) -> None:
         """Set parameters; `__` stands for a point."""
-        parameters = [
-            Parameter(key.replace('__', '.'), value=value).to_parameter_msg()
-            for key, value in changes.items()
-        ]
-        answer = self.call(
-            SetParameters, 'set_parameters', SetParameters.Request(parameters=parameters)
-        )
+        values = {key.replace('__', '.'): value for key, value in changes.items()}
+        answer = self.call('set_parameters', parameters=messages_of(values))
         if not all(result.successful for result in answer.results):
             raise RuntimeError(answer.results[0].reason)
 
     def dump(self) -> None:
         """Ask for everything that `ros2 param dump` and `describe` ask for."""
-        names = self.call(ListParameters, 'list_parameters', ListParameters.Request())
-        wanted = list(names.result.names)
-        self.call(GetParameters, 'get_parameters', GetParameters.Request(names=wanted))
-        request = DescribeParameters.Request(names=wanted)
-        self.call(DescribeParameters, 'describe_parameters', request)
+        names = list(self.call('list_parameters').result.names)
+        self.call('get_parameters', names=names)
+        self.call('describe_parameters', names=names)
 
     def listen(self) -> None:
         """Subscribe to a latched topic, as a late joiner does, and leave."""

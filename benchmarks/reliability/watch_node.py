@@ -10,20 +10,19 @@ from typing import Any
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.srv import SetParameters
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
-from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.task import Future
 from reliability.loop import NODES
-from std_srvs.srv import Trigger
 
 from parallel_robot_model.common.errors import RunError
 from parallel_robot_model.messages import cdr, topics
 from parallel_robot_model.nodes.connections import message_class, qos_of
+from parallel_robot_model.nodes.ros_client import Services, messages_of, reported
 
 PATIENCE = 2.0  # s, for an answer
+ASKED = ('ready', 'set_parameters')  # services of every node
 WATCHED = (topics.JOINT_STATES, topics.COMMANDS, topics.POSE, topics.POSE_REFERENCE)
 
 
@@ -50,11 +49,9 @@ class Watch:
         node.create_subscription(
             DiagnosticArray, '/diagnostics', self._on_diagnostics, QoSProfile(depth=100)
         )
-        services = [f'{name}/ready' for name in NODES] + ['controller/clear_fault', 'plant/reset']
-        self._clients = {name: node.create_client(Trigger, name) for name in services}
-        self._set = {
-            name: node.create_client(SetParameters, f'{name}/set_parameters') for name in NODES
-        }
+        self._services = Services(node)
+        self._services.ready('controller/clear_fault', 'plant/reset')
+        self._services.ready(*(f'{name}/{each}' for name in NODES for each in ASKED))
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._spin, daemon=True)
         self._thread.start()
@@ -67,14 +64,14 @@ class Watch:
 
     def trigger(self, service: str, patience: float = PATIENCE) -> tuple[bool, str] | None:
         """Success and message of a service; None when it does not answer."""
-        answer = self._call(self._clients[service], Trigger.Request(), patience)
+        answer = self._call(service, patience)
         return None if answer is None else (answer.success, answer.message)
 
     def start(self, stamp: int) -> bool:
         """Give all nodes the stamp of t = 0 [ns]; whether they took it."""
-        parameter = Parameter('start_stamp', Parameter.Type.INTEGER, stamp).to_parameter_msg()
-        request = SetParameters.Request(parameters=[parameter])
-        answers = [self._call(self._set[name], request, PATIENCE) for name in NODES]
+        given = messages_of({'start_stamp': stamp})
+        services = [f'{name}/set_parameters' for name in NODES]
+        answers = [self._call(name, PATIENCE, parameters=given) for name in services]
         return all(answer is not None and answer.results[0].successful for answer in answers)
 
     def close(self) -> None:
@@ -84,11 +81,11 @@ class Watch:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def _call(self, client: Any, request: Any, patience: float) -> Any:
+    def _call(self, name: str, patience: float, **fields: Any) -> Any:
         deadline = time.monotonic() + patience
-        if not client.wait_for_service(patience):
+        if not self._services[name].wait_for_service(patience):
             return None
-        future = client.call_async(request)
+        future = self._services.send(name, **fields)
         while not future.done() and time.monotonic() < deadline:
             time.sleep(0.005)
         return future.result() if future.done() else None
@@ -101,14 +98,14 @@ class Watch:
         executor.remove_node(self._node)
 
     def _on_status(self, message: DiagnosticArray) -> None:
-        fault = {item.key: item.value for item in message.status[0].values}.get('fault', 'none')
+        fault = reported(message.status[0]).get('fault', 'none')
         self.fault = '' if fault == 'none' else fault
         if self.fault:
             self.faults.append((time.time_ns(), self.fault))
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            figures = {item.key: item.value for item in status.values}
+            figures = reported(status)
             level = status.level[0] if isinstance(status.level, bytes) else status.level
             name = status.hardware_id.rpartition('/')[2]
             self.diagnostics[name] = (time.time_ns(), level, status.message, figures)
