@@ -32,7 +32,6 @@ START_TIMEOUT = 60.0  # s, for the answer to a start
 CHECK_INTERVAL = 2.0  # s, between two checks how busy the nodes are
 BUSY = 0.05  # share of a core; waiting for messages takes less
 SILENT = 'it does not answer'
-READY = '{}/ready'.format  # the service of a node
 
 
 class Session:
@@ -69,7 +68,8 @@ class Session:
         node = tool_node('parallel_robot_run', self._transport, namespace=self._namespace)
         self._node = self._exit.enter_context(node)
         self._services = Services(self._node)
-        self._services.ready(*map(READY, self._names))
+        asked = 'ready', 'set_parameters'
+        self._services.ready(*(f'{name}/{each}' for name in self._names for each in asked))
         self._node.create_subscription(DiagnosticArray, '/diagnostics', self.take_diagnostics, 10)
         return self
 
@@ -105,13 +105,13 @@ class Session:
             seen: dict[str, bool] = {}  # of those that do not answer, whether they are there
             for name in list(waiting):
                 show(waiting)
-                answer = self._call(READY(name))
+                answer = self._call(f'{name}/ready')
                 if answer is not None and answer.success:
                     del waiting[name]
                 elif answer is not None:
                     waiting[name] = answer.message
                 else:
-                    seen[name] = self._services.ready(READY(name))
+                    seen[name] = self._services.ready(f'{name}/ready')
             now = time.monotonic()
             if now - looked > CHECK_INTERVAL:
                 new = {name: work(name) for name in waiting}
@@ -137,7 +137,7 @@ class Session:
 
     def silent(self, names: Iterable[str]) -> list[str]:
         """Those of some nodes that do not answer."""
-        return [name for name in names if not self._call(READY(name), CHECK_INTERVAL)]
+        return [name for name in names if not self._call(f'{name}/ready', CHECK_INTERVAL)]
 
     def start(self, name: str, stamp: int) -> None:
         """Give a node the stamp of t = 0 [ns].
