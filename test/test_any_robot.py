@@ -9,9 +9,9 @@ import pytest
 from bags import table_of
 
 from parallel_robot.analysis import metrics
+from parallel_robot.analysis.pictures import JOINTS, STYLES
 from parallel_robot.analysis.report import page, report_files, runs
 from parallel_robot.analysis.report.charts import charts
-from parallel_robot.analysis.report.looks import JOINTS, STYLES
 from parallel_robot.analysis.report.report_files import draw_chart
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main

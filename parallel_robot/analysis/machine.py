@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.report import figures
+from parallel_robot.analysis import pictures
 from parallel_robot.analysis.report.looks import VIEWS
 from parallel_robot_model.common.errors import InputError, printable
 from parallel_robot_model.common.tables import Part, Table
@@ -236,10 +236,8 @@ def draw(facts: Facts, file: Path) -> None:
     Raises:
         InputError: it cannot be written, or its suffix is of no picture format.
     """
-    from matplotlib.figure import Figure  # it takes long to load
-
     ends = drawn(facts.mechanism, facts.state.joints[np.newaxis])[0]
-    figure = Figure(figsize=(9, 8), layout='constrained')
+    figure = pictures.new((9, 8))
     figure.suptitle(facts.name)
     for k, (across, up, shown) in enumerate(VIEWS):
         axes = figure.add_subplot(2, 2, k + 1)
@@ -251,7 +249,7 @@ def draw(facts: Facts, file: Path) -> None:
     for line in ends:
         space.plot(*line.T, color='C0', lw=1.5)
     space.set_box_aspect(np.maximum(np.ptp(ends.reshape(-1, 3), axis=0), 1e-3))
-    figures.save(figure, file)
+    pictures.save(figure, file)
 
 
 def _add(axes: Any, ends: Array, pose: Array, shown: tuple[int, int], facts: Facts) -> None:

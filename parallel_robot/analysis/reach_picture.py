@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis import pictures
 from parallel_robot.analysis.reach import Plane, Region, plane_of_motion, region_of
-from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import label, posture
 from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
@@ -100,8 +100,6 @@ PAD = 0.03  # around all, of its size
 
 def figure_of(region: Region, scenery: Scenery) -> Any:
     """A region as a figure of matplotlib, one panel for each margin."""
-    from matplotlib.figure import Figure  # slow to import: only when drawn
-
     margins = region.reach.margins or (None,)
     first, second = region.plane.axes
     x, y = MM * region.first, MM * region.second
@@ -109,7 +107,7 @@ def figure_of(region: Region, scenery: Scenery) -> Any:
     shape = np.ptp(high) / np.ptp(wide)
     height = min(WIDTH * shape, HIGHEST)
     size = (len(margins) * (height / shape + BAR), height + TITLE)
-    figure = Figure(size, layout='constrained')
+    figure = pictures.new(size)
     head, _, small = scenery.title.partition('\n')
     figure.suptitle(without_mathematics(head), fontweight='bold', fontsize=13)
     panels = figure.subplots(1, len(margins), squeeze=False, sharex=True, sharey=True)[0]
@@ -229,8 +227,8 @@ def check_picture(path: Path) -> None:
     Raises:
         InputError: with the reason.
     """
-    if path.suffix not in figures.FORMATS:
-        raise UnknownNameError('format of --workspace', path.suffix, figures.FORMATS)
+    if path.suffix not in pictures.FORMATS:
+        raise UnknownNameError('format of --workspace', path.suffix, pictures.FORMATS)
     output.check_new(path, '--workspace')
 
 
@@ -249,7 +247,7 @@ def write_picture(configuration: Configuration, path: Path) -> str:
     """
     plane, scenery = plane_and_scenery(configuration)
     region = region_of(scenery.robot, plane)
-    figures.save(figure_of(region, scenery), path)
+    pictures.save(figure_of(region, scenery), path)
     return _described(region)
 
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances
-from parallel_robot.analysis.report.figures import look_of
-from parallel_robot.analysis.report.looks import STYLES, label, oblique
+from parallel_robot.analysis.pictures import STYLES, look_of
+from parallel_robot.analysis.report.looks import label, oblique
 from parallel_robot.analysis.report.page import box
 from parallel_robot.analysis.report.report_files import RC
 from parallel_robot.analysis.report.runs import Run

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from aiohttp import WSMsgType, web
 
-from parallel_robot.analysis.report.looks import STYLES
+from parallel_robot.analysis.pictures import STYLES
 from parallel_robot.live.frames import HEADER
 from parallel_robot.live.guard import (
     BATCH,

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 
 from parallel_robot.analysis import metrics as evaluation
-from parallel_robot.analysis import readable_metrics, recorded_motions
+from parallel_robot.analysis import pictures, readable_metrics, recorded_motions
 from parallel_robot.analysis.metrics import METRICS, Metrics
 from parallel_robot.analysis.readable_metrics import (
     NEVER,
@@ -23,7 +23,7 @@ from parallel_robot.analysis.readable_metrics import (
     unsettled,
     window,
 )
-from parallel_robot.analysis.report import figures, looks
+from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import AUTO, law_label
 from parallel_robot.analysis.table import sliding_variable
 from parallel_robot.bags.history import LIMIT_TEXT
@@ -73,7 +73,7 @@ class Picture:
         Raises:
             InputError: the suffix is of no picture format, or the file cannot be written.
         """
-        figures.save(self.figure, path)
+        pictures.save(self.figure, path)
 
     def __repr__(self) -> str:
         return 'Picture'
@@ -345,8 +345,8 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
     if isinstance(runs, Run):
         return Picture(figures.figure_of_run(runs, motions_of(runs).best, scale))
     named = _named('plot', runs, law_label)
-    if not 1 <= len(named) <= len(looks.RUNS):
-        raise InputError(f'plot takes up to {len(looks.RUNS)} runs, not {len(named)}')
+    if not 1 <= len(named) <= len(pictures.RUNS):
+        raise InputError(f'plot takes up to {len(pictures.RUNS)} runs, not {len(named)}')
     drawn = {name: (run, motions_of(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import table, video_file
+from parallel_robot.analysis import pictures, table, video_file
 from parallel_robot.analysis.frames import write_viewer_copy
 from parallel_robot.analysis.replay import bag_replay, bag_rerun
 from parallel_robot.analysis.replay.bag_replay import BagReplay
 from parallel_robot.analysis.replay.bag_rerun import Rerun
-from parallel_robot.analysis.report import figures, report_files
+from parallel_robot.analysis.report import report_files
 from parallel_robot.analysis.report.looks import AUTO, check
 from parallel_robot.analysis.report.report_files import Report
 from parallel_robot.analysis.video_file import RATE, Video
@@ -210,7 +210,7 @@ def replay(
     """
     path = arguments.optional('figure', figure)
     if path is not None:
-        figures.check_new(path)
+        pictures.check_new(path)
     options = {name: values.pop(name) for name in arguments.OF_BAG if name in values}
     changed = changes(param_file, values)
     if law is not None:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis.report.figures import check_new
+from parallel_robot.analysis.pictures import check_new
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.writing import recovery
 from parallel_robot.bags.writing.recovery import Recovery

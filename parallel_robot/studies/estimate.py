@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from parallel_robot.analysis.report import figures
+from parallel_robot.analysis import pictures
 from parallel_robot.bags import output
 from parallel_robot_model.common.errors import (
     BagError,
@@ -138,7 +138,7 @@ class WrittenResult(ShownResult):
         Raises:
             InputError: the suffix is of no picture format, or it cannot be written.
         """
-        figures.save(self.draw(), path)
+        pictures.save(self.draw(), path)
 
 
 def check_files(out: Path | None, figure: Path | None, option: str = '--out') -> None:
@@ -150,4 +150,4 @@ def check_files(out: Path | None, figure: Path | None, option: str = '--out') ->
     if out:
         output.check_new(out, option)
     if figure:
-        figures.check_new(figure)
+        pictures.check_new(figure)

@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
+from parallel_robot.analysis.pictures import RUNS, save, stacked
 from parallel_robot.analysis.readable_metrics import shown
-from parallel_robot.analysis.report.figures import save
-from parallel_robot.analysis.report.looks import RUNS
 from parallel_robot.bags.output import tracked, without_mathematics
 from parallel_robot.studies.calm import CAUSES, NEGLIGIBLE, REST, WHOLE, LeastError, least_error
 from parallel_robot_control.configuration import resolve
@@ -33,11 +31,11 @@ from trajectory_gen.configuration import with_duration
 
 # The price of calm as a picture: least error against chattering.
 
-SIZE = (6.5, 4.2)  # in
+WIDTH, HEIGHT = 6.5, 4.2  # in
 GRID = np.logspace(-1.5, 1.0, 60)  # N m, of chattering
 
 
-def draw(found: Mapping[str, Sequence[LeastError]], error: str, units: JointUnits) -> Figure:
+def draw(found: Mapping[str, Sequence[LeastError]], error: str, units: JointUnits) -> Any:
     """Draw the robots of each scenario, and their median.
 
     Args:
@@ -45,8 +43,7 @@ def draw(found: Mapping[str, Sequence[LeastError]], error: str, units: JointUnit
         error: Name and unit of the error.
         units: Units of the joints.
     """
-    figure = Figure(figsize=SIZE, layout='constrained')
-    panel = figure.subplots()
+    figure, (panel,) = stacked(WIDTH, [HEIGHT])
     for k, (scenario, members) in enumerate(found.items()):
         color = RUNS[k % len(RUNS)].light
         known = [one.calm for one in members if one.calm is not None]

@@ -8,7 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from parallel_robot.analysis.metrics import distances, rotation_errors
-from parallel_robot.analysis.report.looks import VIEWS, joint_label, joint_style, logarithmic
+from parallel_robot.analysis.pictures import joint_style
+from parallel_robot.analysis.report.looks import VIEWS, joint_label, logarithmic
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.thinned import FIRST, Series, extremes
 from parallel_robot_model.common.ring import synchronisation_error
@@ -23,7 +24,7 @@ class Curve(NamedTuple):
     """One curve, with as many points as can be seen."""
 
     label: str  # name in the legend
-    style: str  # key of looks.STYLES
+    style: str  # key of pictures.STYLES
     x: np.ndarray  # shape (N,)
     y: np.ndarray  # shape (N,)
 

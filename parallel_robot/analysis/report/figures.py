@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis import pictures
 from parallel_robot.analysis.metrics import distances, rotation_errors
+from parallel_robot.analysis.pictures import COLOURS, look_of, run_look, save, slots
 from parallel_robot.analysis.report.looks import (
     AUTO,
-    RUNS,
     add_lines,
     add_path,
     joint_label,
@@ -20,13 +20,10 @@ from parallel_robot.analysis.report.looks import (
     law_label,
     logarithmic,
     posture,
-    slots,
     views,
 )
-from parallel_robot.bags import output
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.bags.run.run_log import RunLog
-from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.robots.registry import robot_of
@@ -35,14 +32,10 @@ from parallel_robot_sim.motions import Motion, Poses
 if TYPE_CHECKING:
     from parallel_robot_sim.scenario_run import Run
 
-FORMATS = ('.png', '.pdf', '.svg')
-COLOURS = ('#2952a3', '#d1495b', '#3a8f5c', '#e09f3e', '#7d4f9e', '#3fa7bd')
-DASHES = ('-', '--')  # of as many joints as there are colours each
 LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins ten times higher
 LARGEST = 'Largest '  # of all joints
 DISTANCE = 'distance'
 COLUMNS, FEW = 6, 4  # of a legend, and names of which each has its line
-UNDATED: dict[str, dict[str, Any]] = {'pdf': {'CreationDate': None}, 'svg': {'Date': None}}
 BROAD = {'color': '0.6', 'lw': 2.0}  # of what is measured
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}
@@ -151,10 +144,7 @@ def figure_of_runs(runs: Mapping[str, tuple[RunLog | Run, Motion]], scale: str =
     title = ', '.join(dict.fromkeys(label(run.scenario) for run in named))
     figure, path, (first, *turn, joints, torque) = panels(title, place, fitted=True, turns=turns)
     names = [without_mathematics(label(name)) for name in runs]
-    looks = [
-        {'color': style.light, 'linestyle': (0, style.dash) if style.dash else '-', 'lw': 1.0}
-        for style in (RUNS[slot] for slot in slots([run.law for run in named]))
-    ]
+    looks = [{**run_look(slot), 'lw': 1.0} for slot in slots([run.law for run in named])]
 
     def curves(columns: Iterable[np.ndarray]) -> list[Curve]:
         """One curve for each run: the largest magnitude of its columns, shape (N, k)."""
@@ -403,62 +393,5 @@ def add_legend(axes: Any) -> None:
     )
 
 
-def look_of(column: int) -> dict[str, Any]:
-    """Colour and dashes of one of several curves, by its 0-based index."""
-    dashes = DASHES[column // len(COLOURS) % len(DASHES)]
-    return {'color': COLOURS[column % len(COLOURS)], 'linestyle': dashes, 'lw': 0.8}
-
-
-def save(figure: Any, path: str | Path) -> None:
-    """Write a figure to a file that must not exist; its suffix chooses the format.
-
-    Raises:
-        InputError: the suffix is of no picture format, or the file cannot be written.
-    """
-    check_format(path)
-    content = io.BytesIO()
-    figure.savefig(content, format=Path(path).suffix[1:], dpi=130)
-    with output.asked_for(Path(path), InputError), output.in_its_folder(Path(path)):
-        output.write_new(Path(path), content.getbuffer())
-
-
-def encoded(figure: Any, suffixes: Iterable[str]) -> dict[str, bytes]:
-    """A figure by suffix, of the same bytes at all times."""
-    from matplotlib import rc_context  # slow to import: only when drawn
-
-    pictures = {}
-    with rc_context({'svg.hashsalt': 'front'}):
-        for suffix in suffixes:
-            stream = io.BytesIO()
-            figure.savefig(stream, format=suffix, dpi=150, metadata=UNDATED.get(suffix))
-            pictures[suffix] = stream.getvalue()
-    return pictures
-
-
-def check_new(path: Path) -> None:
-    """Refuse a file of a picture that exists, cannot be made, or is of no picture format.
-
-    Raises:
-        InputError: with the reason.
-    """
-    check_format(path)
-    output.check_new(path, '--figure')
-
-
-def check_format(path: str | Path) -> None:
-    """Refuse a file whose suffix is of no picture format.
-
-    Raises:
-        UnknownNameError: with the formats.
-    """
-    suffix = Path(path).suffix
-    if suffix not in FORMATS:
-        raise UnknownNameError('picture format', suffix, FORMATS)
-
-
 def _figure(title: str, height: float = HEIGHT, fitted: bool = True) -> Any:
-    from matplotlib.figure import Figure  # slow to import: only when drawn
-
-    figure = Figure(figsize=(11.0, height), layout='constrained' if fitted else None)
-    figure.suptitle(without_mathematics(title), fontweight='bold')
-    return figure
+    return pictures.new((11.0, height), title, 'constrained' if fitted else None)

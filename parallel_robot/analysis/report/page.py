@@ -12,9 +12,10 @@ import numpy as np
 
 from parallel_robot.analysis import claims
 from parallel_robot.analysis.metrics import METRICS
+from parallel_robot.analysis.pictures import STYLES
 from parallel_robot.analysis.readable_metrics import defined, shown, window
 from parallel_robot.analysis.report.charts import Chart, Curve, Panel, place_of
-from parallel_robot.analysis.report.looks import AUTO, STYLES, law_label
+from parallel_robot.analysis.report.looks import AUTO, law_label
 from parallel_robot.analysis.report.runs import Run
 from parallel_robot.analysis.thinned import INTERVALS
 from parallel_robot_model.common.errors import printable

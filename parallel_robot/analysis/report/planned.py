@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.report.figures import COLOURS, add_legend, look_of, panels
+from parallel_robot.analysis.pictures import COLOURS, look_of
+from parallel_robot.analysis.report.figures import add_legend, panels
 from parallel_robot.analysis.report.looks import add_lines, add_path, joint_label, label, posture
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot_model.robots.registry import RobotModel

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.analysis.pictures import STYLES, UNDATED, Style
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.charts import Chart, Panel, charts
-from parallel_robot.analysis.report.figures import UNDATED
-from parallel_robot.analysis.report.looks import AUTO, STYLES, Style
+from parallel_robot.analysis.report.looks import AUTO
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.thinned import envelope
 from parallel_robot.bags import output

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import evaluated_bag, metrics
+from parallel_robot.analysis import evaluated_bag, metrics, pictures
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
 from parallel_robot.analysis.readable_metrics import early, unsettled
-from parallel_robot.analysis.report import looks
 from parallel_robot.analysis.report.looks import label, law_label
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.thinned import Series, Track
@@ -33,7 +32,7 @@ class Run(NamedTuple):
 
     bag: Path  # path of the bag
     label: str  # its name in legends, different from all others of its group
-    style: str  # key of looks.STYLES
+    style: str  # key of pictures.STYLES
     log: run_log.RunLog  # the recorded run; of a long one, states of a part alone
     # its true motion where that is known, else the one that was seen; of a long run, the
     # samples that can be seen in a picture
@@ -71,8 +70,8 @@ def read_runs(
         InputError: more bags than there are styles; one is no bag, or its joints are not those of
             its robot.
     """
-    if len(bags) > len(looks.RUNS):
-        raise InputError(f'a report takes up to {len(looks.RUNS)} bags, not {len(bags)}')
+    if len(bags) > len(pictures.RUNS):
+        raise InputError(f'a report takes up to {len(pictures.RUNS)} bags, not {len(bags)}')
     evaluated: dict[tuple[str, str], list[tuple[Path, EvaluatedBag]]] = {}
     for bag in tracked(map(Path, bags), len(bags), 'bags read'):
         found = evaluated_bag.evaluate(
@@ -89,7 +88,7 @@ def read_runs(
     for (scenario, robot), members in evaluated.items():
         title = scenario if scenarios.count(scenario) == 1 else f'{scenario} ({robot})'
         names = _labels([(bag, law_label(found.log.law)) for bag, found in members])
-        slots = looks.slots([printable(found.log.law) for _, found in members])
+        slots = pictures.slots([printable(found.log.law) for _, found in members])
         groups[title] = [
             _run(bag, name, f'run{slot}', found)
             for (bag, found), name, slot in zip(members, names, slots, strict=True)

@@ -9,7 +9,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.analysis import evaluated_bag, run_results, timing
+from parallel_robot.analysis import evaluated_bag, pictures, run_results, timing
 from parallel_robot.analysis.evaluated_bag import PartFigures
 from parallel_robot.analysis.metrics import named
 from parallel_robot.analysis.readable_metrics import ERRORS, defined, shown, told
@@ -60,7 +60,7 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.json:
         output.check_new(arguments.json, '--json')
     if arguments.figure:
-        figures.check_new(figure)
+        pictures.check_new(figure)
     values = given(arguments)
     code, view = robot_code(arguments, values), bag_view(arguments, values, whole=True)
     times = arguments.start, arguments.stop

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from parallel_robot.analysis.report.figures import check_new
+from parallel_robot.analysis.pictures import check_new
 from parallel_robot.bags import output
 from parallel_robot.cli.commands import simulate
 from parallel_robot.cli.shared import add_format_argument, show, tell, warn

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from parallel_robot.analysis import pictures
 from parallel_robot.analysis.replay import bag_replay
-from parallel_robot.analysis.report import figures
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.trust import add_trust_argument
@@ -53,7 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
             raise InputError(f'--law is {arguments.law}, but --set law={changes["law"]}')
         changes |= of_law
     if arguments.figure is not None:
-        figures.check_new(arguments.figure)
+        pictures.check_new(arguments.figure)
     try:
         found, figure, drawn = _replayed(arguments, changes, SECONDS)
     except WholeNeededError:
@@ -78,5 +78,5 @@ def _replayed(
             if prepared.log.foreign:
                 return prepared.add_up(), None, NOT_IN_FOREIGN
             figure = (bag if bag.is_dir() else bag.parent) / f'replay_{prepared.law}.png'
-            figures.check_new(figure)
+            pictures.check_new(figure)
         return prepared.add_up(), figure, str(figure or '')

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from parallel_robot.analysis.pictures import RUNS
 from parallel_robot.analysis.report import report_files
-from parallel_robot.analysis.report.looks import RUNS, add_scale_argument
+from parallel_robot.analysis.report.looks import add_scale_argument
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands.simulate import add_set_argument, given
 from parallel_robot.cli.shared import add_bag_arguments, bag_view, robot_code

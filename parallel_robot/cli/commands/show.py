@@ -90,10 +90,11 @@ def execute(arguments: argparse.Namespace) -> int:
             file=sys.stderr if arguments.format else sys.stdout,
         )
     if arguments.plot is not None:
-        from parallel_robot.analysis.report import figures, planned  # slow to import
+        from parallel_robot.analysis import pictures  # slow to import
+        from parallel_robot.analysis.report import planned
 
-        figures.check_format(arguments.plot)
-        figures.save(planned.figure_of_motion(made), arguments.plot)
+        pictures.check_format(arguments.plot)
+        pictures.save(planned.figure_of_motion(made), arguments.plot)
     if arguments.workspace:
         text = reach_picture.write_picture(made, arguments.workspace)
         print(f'workspace: {text}; {arguments.workspace}', file=sys.stderr)

@@ -13,9 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report.figures import encoded
+from parallel_robot.analysis import pictures
 from parallel_robot.bags.experiment import software
 from parallel_robot.studies.benchmark import protocol as protocols
 from parallel_robot.studies.benchmark.judged_runs import (
@@ -209,10 +208,10 @@ PLAIN = '#8a8a8a'
 
 def files(scores: Scores) -> dict[str, bytes]:
     """The page by name of its file."""
-    pictures = encoded(_figure(scores), ('png', 'pdf'))
+    found = pictures.encoded(_figure(scores), ('png', 'pdf'))
     return {
-        'page.html': _html(scores, pictures['png']).encode(),
-        'page.pdf': pictures['pdf'],
+        'page.html': _html(scores, found['png']).encode(),
+        'page.pdf': found['pdf'],
     }
 
 
@@ -254,7 +253,7 @@ def _figure(scores: Scores) -> Any:
     """Scores with their intervals at the left, medians by condition at the right."""
     every = sorted(scores.summaries, key=lambda each: each[2][WHOLE][WHOLE].median.value)
     height = MARGIN + LINE * len(every)
-    figure = Figure(figsize=(WIDTH, height), layout='constrained')
+    figure = pictures.new((WIDTH, height))
     left, right = figure.subplots(1, 2, width_ratios=(1.0, 1.35))
     names = [f'{title_of(law)}, {kind}' for law, kind, _ in every]
     for place, (_, kind, found) in enumerate(every):

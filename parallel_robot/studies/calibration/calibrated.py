@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.report.looks import RUNS
+from parallel_robot.analysis.pictures import RUNS, stacked
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.calibration.least_squares import Fit, Outlier, Starts, summary
 from parallel_robot.studies.calibration.pose_model import PoseModel, by_unit
@@ -151,14 +151,11 @@ class Calibration(WrittenResult):
         Above there is one panel a coordinate; below one panel a unit, with by how much each
         unknown differs from what was believed, and its 95 % interval.
         """
-        from matplotlib.figure import Figure  # slow to import: only when drawn
-
         model, found = self.model, self.found
         of_unit = by_unit(each.unit for each in model.unknown)
         heights = [ROW for _ in model.measured.columns]
         heights += [1.0 + NAME * len(of) for of in of_unit.values()]
-        figure = Figure(figsize=(WIDTH, sum(heights)), layout='constrained')
-        panels = figure.subplots(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
+        figure, panels = stacked(WIDTH, heights)
         count, colors = len(model.measured.columns), (RUNS[0].light, RUNS[1].light)
         for k, (panel, axis) in enumerate(zip(panels, model.axes, strict=False)):
             for color, name, error in zip(

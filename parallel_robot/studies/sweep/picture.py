@@ -6,10 +6,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
-from parallel_robot.analysis.report.figures import encoded
-from parallel_robot.analysis.report.looks import RUNS, law_label
+from parallel_robot.analysis.pictures import encoded, law_look, stacked
+from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.sweep import statistics
 from parallel_robot.studies.sweep.results import ESTIMATED, LIMIT, NEGLIGIBLE, ScenarioResult
@@ -36,8 +35,7 @@ def draw(results: Mapping[str, ScenarioResult]) -> dict[str, bytes]:
         Suffix to content, of a PNG and a PDF.
     """
     heights = [max(SIZE[1], MARGIN + LINE * len(result.laws)) for result in results.values()]
-    figure = Figure(figsize=(SIZE[0], sum(heights)), layout='constrained')
-    panels = figure.subplots(len(results), 1, squeeze=False, height_ratios=heights)[:, 0]
+    figure, panels = stacked(SIZE[0], heights)
     for panel, height, (scenario, result) in zip(panels, heights, results.items(), strict=True):
         _draw_panel(panel, result, LINE / (height - MARGIN))
         panel.set_title(without_mathematics(scenario), fontsize=10)
@@ -63,13 +61,10 @@ def _draw_panel(panel: Any, result: ScenarioResult, gap: float) -> None:
     ends = {}
     for k, (law, found) in enumerate(result.laws.items()):
         values, shares = statistics.distribution(found.errors)
-        dash = RUNS[(k + k // len(RUNS)) % len(RUNS)].dash
         (line,) = panel.step(
             [0.0, *shares] if len(shares) else [],
             [values[0], *values] if len(values) else [],
-            color=RUNS[k % len(RUNS)].light,
-            linestyle=(0, dash) if dash else 'solid',
-            linewidth=2.2 if law in PAPER else 0.9,
+            **law_look(k, law in PAPER),
         )
         ends[law] = line, (shares[-1], values[-1]) if len(values) else (0.0, np.inf)
     for name, level in result.levels.items():

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from parallel_robot.analysis.metrics import Metric
-from parallel_robot.analysis.report.figures import encoded
-from parallel_robot.analysis.report.looks import RUNS, label, law_label
+from parallel_robot.analysis.pictures import encoded, law_look, stacked
+from parallel_robot.analysis.report.looks import label, law_label
 from parallel_robot.bags.output import check_new, save
 from parallel_robot.studies.sweep.picture import LINE, MARGIN, name_lines
 from parallel_robot.studies.sweep.results import ERRORS
@@ -230,21 +230,14 @@ def draw_fronts(fronts: Sequence[Front]) -> dict[str, bytes]:
         Suffix to content.
     """
     height = max(SIZE[1], MARGIN + LINE * len(fronts))
-    figure, panel = output.new_figure((SIZE[0], height))
+    figure, (panel,) = stacked(SIZE[0], [height])
     laws = [each.law for each in fronts]
     ends = {}
     for k, front in enumerate(fronts):
         scales = front.effort.scale, front.error.scale
         figures = np.array(front.points) * scales
         efforts, errors = figures[np.argsort(-figures[:, 0], kind='stable')].T
-        dash = RUNS[(k + k // len(RUNS)) % len(RUNS)].dash
-        (line,) = panel.plot(
-            efforts,
-            errors,
-            color=RUNS[k % len(RUNS)].light,
-            linestyle=(0, dash) if dash else 'solid',
-            linewidth=2.2 if front.law in PAPER else 0.9,
-        )
+        (line,) = panel.plot(efforts, errors, **law_look(k, front.law in PAPER))
         panel.plot(*figures[front.chosen], '*', color=line.get_color())
         name = law_label(front.law)
         if laws.count(front.law) > 1:

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from parallel_robot.analysis.metrics import Metric
-from parallel_robot.analysis.report.figures import encoded
-from parallel_robot.analysis.report.looks import RUNS, law_label
+from parallel_robot.analysis.pictures import RUNS, encoded, stacked
+from parallel_robot.analysis.report.looks import law_label
 from parallel_robot.bags.output import without_mathematics
 from parallel_robot.studies.tuning.trial import Trial, Verdict
 from parallel_robot.studies.tuning.tune import Store, Tuning
@@ -24,7 +23,7 @@ from parallel_robot_model.configuration.yaml_file import MARK, text_of
 
 # Pictures of a tuning: error against effort, and the best trial so far.
 
-SIZE = (6.0, 4.2)  # inches
+WIDTH, HEIGHT = 6.0, 4.2  # in
 SUFFIXES = ('svg', 'png')
 
 
@@ -33,7 +32,7 @@ def _draw_front(
 ) -> dict[str, bytes]:
     """Draw error against effort: all trials, the front, the default gains and those chosen."""
     error, effort = tuning.error, tuning.effort.quantity
-    figure, panel = new_figure(SIZE)
+    figure, (panel,) = stacked(WIDTH, [HEIGHT])
 
     def show(some: Sequence[Trial], form: str, **style: Any) -> None:
         errors = [error.scale * trial.error for trial in some]
@@ -55,7 +54,7 @@ def _draw_convergence(
 ) -> dict[str, bytes]:
     """Draw the best figure after each trial."""
     scale = tuning.error.scale if tuning.weights is None else 1.0
-    figure, panel = new_figure(SIZE)
+    figure, (panel,) = stacked(WIDTH, [HEIGHT])
     each = scale * np.array([tuning.figure(trial, trials[0]) for trial in trials])
     panel.plot(np.where(np.isfinite(each), each, np.nan), '.', color='#bbbbbb', label='trials')
     curve = scale * np.where(np.isfinite(best), best, np.nan)
@@ -73,12 +72,6 @@ def _draw_convergence(
     panel.grid(alpha=0.3)
     panel.legend(fontsize=8, loc='upper right')
     return encoded(figure, SUFFIXES)
-
-
-def new_figure(size: tuple[float, float]) -> tuple[Figure, Any]:
-    """A figure and its panel."""
-    figure = Figure(figsize=size, layout='constrained')
-    return figure, figure.subplots()
 
 
 def label_axes(panel: Any, title: str, across: Metric, up: Metric) -> None:
