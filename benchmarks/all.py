@@ -25,6 +25,8 @@ from typing import Any
 import checkout
 from benchmark_page import PAGE, page
 
+from parallel_robot.bags.experiment import processor
+
 TIMEOUT = 3600.0  # s for one of them
 MUJOCO = 'mujoco-core' if sys.version_info >= (3, 11) else 'mujoco'  # as in setup.py
 PACKAGES = ('numpy', 'numba', 'llvmlite', MUJOCO, 'mcap', 'rosbags', 'ros-jazzy-rclpy')
@@ -118,16 +120,6 @@ def revision() -> str:
     """Commit of the checkout, with a plus when files have changed since."""
     words = ['git', '-C', str(checkout.ROOT), 'describe', '--always', '--abbrev=7', '--dirty=+']
     return subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip()
-
-
-def processor() -> str:
-    """Name of the processor."""
-    try:
-        lines = Path('/proc/cpuinfo').read_text().splitlines()
-    except OSError:
-        lines = []
-    names = (line.partition(':')[2].strip() for line in lines if line.startswith('model name'))
-    return next(names, platform.machine())
 
 
 def arguments() -> argparse.Namespace:

@@ -21,6 +21,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
+import checkout  # noqa: F401 first: the installed suite would be loaded
 import numpy as np
 from reliability import hosts, page
 from reliability.bench import Bench

@@ -49,6 +49,12 @@ def nodes_below(parent: int) -> dict[str, int]:
     return found
 
 
+def memory(pid: int) -> float:
+    """Resident memory of a process [B]."""
+    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
+    return float(pages * os.sysconf('SC_PAGE_SIZE'))
+
+
 @contextlib.contextmanager
 def busy(count: int) -> Iterator[None]:
     """Keep every core busy with some processes of normal priority that do nothing else."""

@@ -26,7 +26,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import urlsplit
 
@@ -34,7 +33,7 @@ import aiohttp
 import numpy as np
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from graph_processes import end, nodes_below, start
+from graph_processes import end, memory, nodes_below, start
 
 from parallel_robot.live.command import NAMES, started_graph
 from parallel_robot_model.processes.node_processes import processor_seconds
@@ -86,14 +85,8 @@ def measure(node: rclpy.node.Node, seconds: float, page: int | None) -> Phase:
     lag = lags(node, seconds)
     passed = time.monotonic() - begun
     used = {pid: 100.0 * (processor_seconds(pid) - before[pid]) / passed for pid in every}
-    held = memory(page) if page else 0.0
+    held = memory(page) / 1e6 if page else 0.0
     return Phase(lag, sum(used[pid] for pid in pids), used.get(page or 0, 0.0), held)
-
-
-def memory(pid: int) -> float:
-    """Resident memory of a process [MB]."""
-    pages = int(Path(f'/proc/{pid}/statm').read_text().split()[1])
-    return pages * os.sysconf('SC_PAGE_SIZE') / 1e6
 
 
 def watch_memory(minutes: int, count: int) -> None:
@@ -101,7 +94,7 @@ def watch_memory(minutes: int, count: int) -> None:
     with page() as (pid, address), browsers(address, count):
         for minute in range(minutes + 1):
             time.sleep(2.0 * SETTLE if minute == 0 else 60.0)
-            print(f'{minute} min: {memory(pid):.1f} MB', flush=True)
+            print(f'{minute} min: {memory(pid) / 1e6:.1f} MB', flush=True)
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ is 1 when memory grows, a state is missing, or a message is lost.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import signal
 import subprocess
@@ -18,10 +19,10 @@ import time
 from pathlib import Path
 
 import yaml
+from graph_processes import memory, nodes_below
 from reliability import endurance, page
 
 from parallel_robot.bags.run import recording
-from parallel_robot_model.processes.node_processes import MODULES
 
 DURATION = 600.0  # s
 LOOK = 1.0  # s, between two looks at the memory
@@ -40,7 +41,7 @@ def main() -> int:
         command += ['paper_circle', '--duration', str(duration), '--out', str(bag)]
         process = subprocess.Popen(command, cwd=folder)
         try:
-            memory = watch(process)
+            grown = watch(process)
         finally:
             process.terminate()  # if it still runs
             process.wait()
@@ -50,7 +51,7 @@ def main() -> int:
         facts = yaml.safe_load((bag / 'metadata.yaml').read_text())
         recorded = facts['rosbag2_bagfile_information']['duration']['nanoseconds'] * 1e-9
         log, past, _ = recording.read(bag)
-        soak = endurance.judge(duration, memory, log, past.lost, recorded, process.returncode)
+        soak = endurance.judge(duration, grown, log, past.lost, recorded, process.returncode)
     text = page.soak(soak)
     print(text)
     if duration >= DURATION:
@@ -62,30 +63,13 @@ def main() -> int:
 
 def watch(process: subprocess.Popen[bytes]) -> dict[str, list[tuple[float, float]]]:
     """(time since the first look [s], resident memory [B]) of each node, until a run ends."""
-    memory: dict[str, list[tuple[float, float]]] = {}
+    found: dict[str, list[tuple[float, float]]] = {}
     begun = time.monotonic()
     while process.poll() is None:
-        for name, pages in resident(process.pid).items():
-            memory.setdefault(name, []).append((time.monotonic() - begun, pages))
+        for name, pid in nodes_below(process.pid).items():
+            with contextlib.suppress(OSError, IndexError):  # it has just ended
+                found.setdefault(name, []).append((time.monotonic() - begun, memory(pid)))
         time.sleep(LOOK)
-    return memory
-
-
-def resident(parent: int) -> dict[str, float]:
-    """Resident memory of the nodes that a process has started [B]."""
-    found = {}
-    try:
-        children = Path(f'/proc/{parent}/task/{parent}/children').read_text().split()
-    except OSError:
-        return {}
-    for child in children:
-        try:
-            name = Path(f'/proc/{child}/comm').read_text().strip()
-            pages = int(Path(f'/proc/{child}/statm').read_text().split()[1])
-        except (OSError, IndexError):
-            continue  # it has just ended
-        if name in MODULES:
-            found[name] = float(pages * os.sysconf('SC_PAGE_SIZE'))
     return found
 
 

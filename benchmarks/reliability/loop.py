@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import json
 import os
 import re
@@ -18,12 +17,10 @@ from typing import Any
 from reliability.effects import TOPICS, Effect, relayed
 
 from parallel_robot_model.configuration.loop import WAIT
-from parallel_robot_model.processes.node_processes import MODULES, as_yaml
+from parallel_robot_model.processes.node_processes import MODULES, as_yaml, die_with_parent
 
 NODES = ('trajectory', 'plant', 'controller')
 READERS = {'states': 'controller', 'references': 'controller', 'commands': 'plant'}
-LIBC = ctypes.CDLL(None)
-PR_SET_PDEATHSIG = 1  # Linux prctl: signal to this process when its parent dies
 GRACE = 10.0  # s, from SIGINT to SIGKILL
 
 
@@ -126,17 +123,13 @@ class Loop:
                 cwd=self._folder,
                 env=environment(),
                 start_new_session=True,
-                preexec_fn=_die_with_parent,
+                preexec_fn=die_with_parent,
             )
 
     def _last_line(self, name: str) -> str:
         lines = (self._folder / f'{name}.log').read_text(errors='replace').splitlines()
         last = next((line.strip() for line in reversed(lines) if line.strip()), 'no output')
         return re.sub(r'^\[\w+\] \[[\d.]+\] \[\w+\]: ', '', last)  # level, time and node
-
-
-def _die_with_parent() -> None:
-    LIBC.prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def environment() -> dict[str, str]:

@@ -11,6 +11,8 @@ from pathlib import Path
 from reliability.endurance import Soak
 from reliability.judging import BOUND, Outcome
 
+from parallel_robot.bags.experiment import processor
+
 PAGE = Path(__file__).parents[2] / 'docs' / 'safety.md'
 NUMBER = re.compile(r'[-+]?\d+(?:\.\d+)?')
 SUBJECT = re.compile(r'\b(?:trajectory|plant|controller|commands|references|states)\b')
@@ -139,16 +141,9 @@ def duration(outcome: Outcome) -> str:
 
 def machine() -> str:
     """What it was measured on."""
-    model = ''
-    for line in Path('/proc/cpuinfo').read_text().splitlines():
-        if line.startswith('model name'):
-            model = f' ({line.partition(":")[2].strip()})'
-            break
-    cores = len(os.sched_getaffinity(0))
-    python = platform.python_version()
-    return (
-        f'{cores} cores {platform.machine()}{model}, Linux {platform.release()}, Python {python}'
-    )
+    cores, system = len(os.sched_getaffinity(0)), f'Linux {platform.release()}'
+    named = f'{platform.machine()} ({processor()})'
+    return f'{cores} cores {named}, {system}, Python {platform.python_version()}'
 
 
 def replaced(page: str, name: str, content: str) -> str:

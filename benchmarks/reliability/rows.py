@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import resource
 import signal
 import subprocess
@@ -13,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from graph_processes import busy
 from reliability import hosts
 from reliability.bench import Bench
 from reliability.effects import Effect
@@ -34,7 +34,6 @@ SPEAKS = {
     'controller': topics.COMMANDS,
 }
 JOINS, AT_ONCE = 100, 5
-CORES = len(os.sched_getaffinity(0))
 
 
 class Row(NamedTuple):
@@ -96,11 +95,7 @@ def hog(per_core: int) -> Callable[[Bench], str]:
     """Keep all cores busy with other processes."""
 
     def inject(bench: Bench) -> str:
-        with contextlib.ExitStack() as stack:
-            for _ in range(per_core * CORES):
-                process = subprocess.Popen(['sh', '-c', 'while :; do :; done'])
-                stack.callback(process.wait)
-                stack.callback(process.kill)
+        with busy(per_core):
             time.sleep(HOGGED)
         return ''
 
