@@ -188,41 +188,6 @@ def check_fronts(fronts: Sequence[Front]) -> None:
                 raise InputError(f'{first.directory} and {other.directory} differ in the {key}')
 
 
-def fronts_table(fronts: Sequence[Front]) -> Table:
-    """The points that were taken."""
-    quantities = fronts[0].effort, fronts[0].error
-    head = ['front', 'law', *(f'{each.name} [{each.unit}]' for each in quantities)]
-    rows = [
-        [
-            front.name,
-            front.law,
-            *(
-                f'{each.scale * value:.4g}'
-                for each, value in zip(quantities, front.points[front.chosen], strict=True)
-            ),
-        ]
-        for front in fronts
-    ]
-    return Table(head, rows, 'llr')
-
-
-def fronts_data(fronts: Sequence[Front]) -> list[dict[str, Any]]:
-    """The fronts as plain data."""
-    return [
-        {
-            'front': front.name,
-            'law': front.law,
-            'scenario': front.manifest['scenario'],
-            'points': [
-                {front.effort.key: effort, front.error.key: error}
-                for effort, error in front.points
-            ],
-            'chosen': front.chosen,
-        }
-        for front in fronts
-    ]
-
-
 def draw_fronts(fronts: Sequence[Front]) -> dict[str, bytes]:
     """Draw the fronts; the gains that were taken are stars.
 
@@ -258,11 +223,30 @@ class Compared(ShownResult):
 
     def parts(self) -> list[Part]:
         """The trials that were taken."""
-        return [fronts_table(self.fronts)]
+        quantities = self.fronts[0].effort, self.fronts[0].error
+        head = ['front', 'law', *(f'{each.name} [{each.unit}]' for each in quantities)]
+        rows = []
+        for front in self.fronts:
+            values = zip(quantities, front.points[front.chosen], strict=True)
+            figures = (f'{each.scale * value:.4g}' for each, value in values)
+            rows.append([front.name, front.law, *figures])
+        return [Table(head, rows, 'llr')]
 
     def as_data(self) -> list[dict[str, Any]]:
         """All points of the fronts as plain data."""
-        return fronts_data(self.fronts)
+        return [
+            {
+                'front': front.name,
+                'law': front.law,
+                'scenario': front.manifest['scenario'],
+                'points': [
+                    {front.effort.column: effort, front.error.column: error}
+                    for effort, error in front.points
+                ],
+                'chosen': front.chosen,
+            }
+            for front in self.fronts
+        ]
 
 
 def compare(directories: Sequence[Path], out: Path, option: str = 'out') -> Compared:
