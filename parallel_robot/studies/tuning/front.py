@@ -240,7 +240,7 @@ class Compared(ShownResult):
                 'law': front.law,
                 'scenario': front.manifest['scenario'],
                 'points': [
-                    {front.effort.column: effort, front.error.column: error}
+                    {front.effort.key: effort, front.error.key: error}
                     for effort, error in front.points
                 ],
                 'chosen': front.chosen,
