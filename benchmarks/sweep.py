@@ -16,7 +16,7 @@ from rows import ratios, row, show
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.run_chunk import floor_of, run_chunk
-from parallel_robot.studies.sweep.sweep import sweep
+from parallel_robot.studies.sweep.sweep import run as run_plan
 from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control.configuration import resolve
 from parallel_robot_sim.configuration import configure
@@ -37,7 +37,7 @@ def main() -> None:
             for count, found in rates.items():
                 out = Path(directory) / f'{repetition}_{count}'
                 begun = time.perf_counter()
-                sweep(planned, TEXT, out, Processes(count), count)
+                run_plan(planned, TEXT, out, Processes(count), count)
                 found.append(runs / (time.perf_counter() - begun))
     print(f'{runs} runs of {planned.study.duration:g} s, s_fotsmc, in {repetitions} repetitions')
     show(

@@ -9,18 +9,13 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+from parallel_robot import PLACES
 from parallel_robot.cli.command_line import COMMANDS, module_of
 from parallel_robot_model.common.options import Parser
 
 ROOT = Path(__file__).parents[1]
 OUTSIDE = {'README.md': 'index.md', 'CONTRIBUTING.md': '', 'CHANGELOG.md': ''}  # to its new name
-MODULES = {  # the public ones, and what each is for
-    'parallel_robot_sim.scenario_run': 'A closed loop without ROS',
-    'parallel_robot.python.notebook': 'Metrics, pictures and tables for notebooks',
-    'parallel_robot.python.written_tables': 'What there is by name, and results as tables',
-    'parallel_robot.python.presentations': 'Reports, videos, tables of bags; bags computed again',
-    'parallel_robot.python.studies': 'Benchmark, limit, tunings, checks',
-    'parallel_robot.python.estimation': 'The robot of a bag, calibrated or identified',
+CONTRACTS = {  # the public modules, and what each is for
     'parallel_robot_control.contract': 'What a control law must have',
     'parallel_robot_model.robots.contract': 'What a robot must have',
     'parallel_robot_model.compiler': 'What kernels are written with',
@@ -66,9 +61,10 @@ def commands() -> str:
 
 
 def reference() -> str:
-    """The docstrings of the public modules."""
+    """The docstrings of all that ``import parallel_robot`` offers, and of the contracts."""
     parts = [
         '# Python\n\nWritten from the docstrings. [From Python](python.md) shows how it is used.'
     ]
-    parts += [f'## {title}\n\n::: {module}' for module, title in MODULES.items()]
+    parts += [f'## {name}\n\n::: {PLACES[name]}.{name}' for name in sorted(PLACES)]
+    parts += [f'## {title}\n\n::: {module}' for module, title in CONTRACTS.items()]
     return '\n\n'.join(parts) + '\n'

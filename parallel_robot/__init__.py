@@ -14,33 +14,62 @@ from typing import TYPE_CHECKING, Any
 
 import parallel_robot_model  # noqa: F401, before Numba
 
-_PLACES = {  # module to what it offers
-    'parallel_robot.python.descriptions': ('show', 'urdf'),
-    'parallel_robot.python.estimation': ('calibrate', 'identify'),
-    'parallel_robot.python.notebook': (
-        'compare', 'grid', 'load', 'metrics', 'plot', 'save', 'sweep',
-    ),
-    'parallel_robot.python.presentations': ('export', 'replay', 'report', 'rerun', 'video'),
-    'parallel_robot.python.spectra': ('linearise', 'spectrum'),
-    'parallel_robot.python.studies': ('benchmark', 'fronts', 'limit', 'recover', 'tune', 'verify'),
-    'parallel_robot.python.written_tables': ('laws', 'scenarios', 'table'),
-    'parallel_robot_control.foreign.c_law': ('get_include',),
-    'parallel_robot_model.common.errors': (
-        'BagError', 'InputError', 'ParallelRobotError', 'RunError',
-    ),
-    'parallel_robot_sim.scenario_run': ('Run', 'simulate'),
-}  # fmt: skip
+PLACES = {  # what is offered, and its module
+    'BagError': 'parallel_robot_model.common.errors',
+    'InputError': 'parallel_robot_model.common.errors',
+    'ParallelRobotError': 'parallel_robot_model.common.errors',
+    'Run': 'parallel_robot_sim.scenario_run',
+    'RunError': 'parallel_robot_model.common.errors',
+    'benchmark': 'parallel_robot.studies.benchmark.benchmark',
+    'calibrate': 'parallel_robot.studies.calibration.bag_calibration',
+    'calibration_poses': 'parallel_robot.studies.calibration.design',
+    'check_score': 'parallel_robot.studies.benchmark.benchmark',
+    'compare': 'parallel_robot.python.notebook',
+    'exciting_motion': 'parallel_robot.studies.identification.design',
+    'export': 'parallel_robot.analysis.export',
+    'fronts': 'parallel_robot.python.studies',
+    'get_include': 'parallel_robot_control.foreign.c_law',
+    'grid': 'parallel_robot.python.notebook',
+    'identify': 'parallel_robot.studies.identification.bag_identification',
+    'laws': 'parallel_robot.python.written_tables',
+    'limit': 'parallel_robot.studies.least_errors',
+    'linearise': 'parallel_robot.python.spectra',
+    'load': 'parallel_robot.python.notebook',
+    'metrics': 'parallel_robot.python.notebook',
+    'plot': 'parallel_robot.python.notebook',
+    'recover': 'parallel_robot.bags.writing.recovery',
+    'replay': 'parallel_robot.analysis.replay.bag_replay',
+    'report': 'parallel_robot.analysis.report.report_files',
+    'rerun': 'parallel_robot.analysis.replay.bag_rerun',
+    'save': 'parallel_robot.python.notebook',
+    'scenarios': 'parallel_robot.python.written_tables',
+    'sensor_noise': 'parallel_robot.studies.identification.bag_identification',
+    'show': 'parallel_robot.python.descriptions',
+    'simulate': 'parallel_robot_sim.scenario_run',
+    'spectrum': 'parallel_robot.python.spectra',
+    'sweep': 'parallel_robot.studies.sweep.sweep',
+    'table': 'parallel_robot.python.written_tables',
+    'tune': 'parallel_robot.studies.tuning.tuned',
+    'urdf': 'parallel_robot.python.descriptions',
+    'verify': 'parallel_robot.studies.verification',
+    'video': 'parallel_robot.analysis.video_file',
+}
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'benchmark', 'calibrate',
-    'compare', 'export', 'fronts', 'get_include', 'grid', 'identify', 'laws', 'limit',
-    'linearise', 'load', 'metrics', 'plot', 'recover', 'replay', 'report', 'rerun', 'save',
-    'scenarios', 'show', 'simulate', 'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify',
-    'video',
+    'calibration_poses', 'check_score', 'compare', 'exciting_motion', 'export', 'fronts',
+    'get_include', 'grid', 'identify', 'laws', 'limit', 'linearise', 'load', 'metrics', 'plot',
+    'recover', 'replay', 'report', 'rerun', 'save', 'scenarios', 'sensor_noise', 'show',
+    'simulate', 'spectrum', 'sweep', 'table', 'tune', 'urdf', 'verify', 'video',
 ]  # fmt: skip
 
 if TYPE_CHECKING:
+    from parallel_robot.analysis.export import export
+    from parallel_robot.analysis.replay.bag_replay import replay
+    from parallel_robot.analysis.replay.bag_rerun import rerun
+    from parallel_robot.analysis.report.report_files import report
+    from parallel_robot.analysis.video_file import video
+    from parallel_robot.bags.writing.recovery import recover
     from parallel_robot.python.descriptions import show, urdf
-    from parallel_robot.python.estimation import calibrate, identify
     from parallel_robot.python.notebook import (
         compare,
         grid,
@@ -48,12 +77,19 @@ if TYPE_CHECKING:
         metrics,
         plot,
         save,
-        sweep,
     )
-    from parallel_robot.python.presentations import export, replay, report, rerun, video
     from parallel_robot.python.spectra import linearise, spectrum
-    from parallel_robot.python.studies import benchmark, fronts, limit, recover, tune, verify
+    from parallel_robot.python.studies import fronts
     from parallel_robot.python.written_tables import laws, scenarios, table
+    from parallel_robot.studies.benchmark.benchmark import benchmark, check_score
+    from parallel_robot.studies.calibration.bag_calibration import calibrate
+    from parallel_robot.studies.calibration.design import calibration_poses
+    from parallel_robot.studies.identification.bag_identification import identify, sensor_noise
+    from parallel_robot.studies.identification.design import exciting_motion
+    from parallel_robot.studies.least_errors import limit
+    from parallel_robot.studies.sweep.sweep import sweep
+    from parallel_robot.studies.tuning.tuned import tune
+    from parallel_robot.studies.verification import verify
     from parallel_robot_control.foreign.c_law import get_include
     from parallel_robot_model.common.errors import (
         BagError,
@@ -65,9 +101,8 @@ if TYPE_CHECKING:
 else:
 
     def __getattr__(name: str) -> Any:
-        for place, names in _PLACES.items():
-            if name in names:
-                return getattr(import_module(place), name)
+        if name in PLACES:
+            return getattr(import_module(PLACES[name]), name)
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
     def __dir__() -> list[str]:

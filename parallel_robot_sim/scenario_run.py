@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
-from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
+from parallel_robot_model.common.errors import Frame, pandas, printable
+from parallel_robot_model.common.options import named
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
-from parallel_robot_model.configuration import yaml_file
-from parallel_robot_model.configuration.plain_data import LocatedDict, merged
+from parallel_robot_model.configuration.config import Changes, changes
+from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.robots.registry import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -181,7 +182,7 @@ def simulate(
     law: File | None = None,
     duration: float | None = None,
     hold: float | None = None,
-    param_file: File | Iterable[File] | None = None,
+    param_file: Changes = None,
     **values: Any,
 ) -> Run:
     """Run the closed loop without ROS, as ``parallel_robot simulate`` does.
@@ -199,7 +200,7 @@ def simulate(
         duration: Length of the run [s]; default: that of the scenario, else that of its motion,
             else 12.
         hold: Time for which the robot is held where its motion ended [s]; default: none.
-        param_file: YAML file with keys of the configuration, or several; later ones win.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values; they win over `param_file`.
 
     Raises:
@@ -215,19 +216,6 @@ def simulate(
     changed = with_duration(name, changed, hold)
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))
-
-
-def changes(param_file: File | Iterable[File] | None, values: Mapping[str, Any]) -> LocatedDict:
-    """What files of parameters and values change in a configuration.
-
-    Args:
-        param_file: YAML file with keys of the configuration, or several; later ones win.
-        values: Keys and their values; they win over the files.
-
-    Raises:
-        InputError: a file cannot be read, or something is no file.
-    """
-    return merged([*(yaml_file.read_parameter_file(path) for path in _files(param_file)), values])
 
 
 def run_of(values: Mapping[str, Any], made: Simulation) -> Run:
@@ -278,23 +266,3 @@ def _stamps(made: Simulation) -> NDArray[np.int64]:
     late = made.timeline.reception.late
     age = round(made.age * NANOSECONDS)
     return loop.step_start + loop.period_ns * (np.arange(count) - late) - age
-
-
-def named(what: str, given: Any) -> str:
-    """A name or a path as text.
-
-    Raises:
-        InputError: it is something else.
-    """
-    if not isinstance(given, str | Path):
-        raise InputError(f'{what} must be a name or a path, not {given!r}')
-    return str(given)
-
-
-def _files(given: File | Iterable[File] | None) -> list[Path]:
-    """Parameter files, one or several."""
-    if given is None:
-        return []
-    if isinstance(given, str | Path) or not isinstance(given, Iterable):
-        given = [given]
-    return [Path(named('param_file', file)) for file in given]

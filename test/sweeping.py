@@ -6,7 +6,7 @@ import pytest
 from parallel_robot.studies.sweep import study, summary
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.run_chunk import run_task
-from parallel_robot.studies.sweep.sweep import sweep
+from parallel_robot.studies.sweep.sweep import run
 
 RUNS = 16
 ROWS = 2 * RUNS
@@ -54,7 +54,7 @@ class Inline:
 @pytest.fixture
 def inline(monkeypatch):
     """Runs of studies take place in this process; workers are tried in test_sweep_losses.py."""
-    for module in ('studies.sweep.workers', 'python.notebook', 'studies.tuning.tuned'):
+    for module in ('studies.sweep.workers', 'studies.sweep.sweep', 'studies.tuning.tuned'):
         monkeypatch.setattr(f'parallel_robot.{module}.Processes', lambda _: Inline())
 
 
@@ -78,7 +78,7 @@ def swept(out, text=TEXT, runs=None, workers=None, count=2, summarised=False):
         if not summarised:
             patch.setattr('parallel_robot.studies.sweep.sweep.summarise', lambda *_: '')
         plan = planned(text, runs)
-        found = sweep(plan, text, out, workers or Inline(), count)
+        found = run(plan, text, out, workers or Inline(), count)
         return summary.text(plan, found) if summarised else found
 
 

@@ -10,11 +10,11 @@ from bags import MS, START, STORE, content, streams, write_mcap
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 import parallel_robot as pr
+from parallel_robot.analysis.report.figures import NOT_IN_FOREIGN
 from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.run import recorded_robot, recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.shared import NOT_IN_FOREIGN
 from parallel_robot.live.bag_source import open_bag
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.messages import layouts, topics
@@ -69,10 +69,9 @@ def renamed(joints, count=COUNT):
     }
 
 
-def asked(**options):
+def asked(topics=None, values=None, **options):
     """A view by the options that are given."""
-    every = {'topics': {}, 'namespace': None, 'joints': (), 'scenario': None, 'values': {}}
-    return view(**{**every, 'override': False, **options})
+    return view(topic=topics, param_file=values, **options)
 
 
 ELSEWHERE = {

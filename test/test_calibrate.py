@@ -16,7 +16,6 @@ import parallel_robot as pr
 from parallel_robot.bags import indexed_reader
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands import calibrate
 from parallel_robot.studies.calibration import bag_calibration, measured_poses
 from parallel_robot_model.common.errors import BagError, InputError
 from parallel_robot_model.configuration import config
@@ -508,8 +507,8 @@ def test_a_fit_that_leaves_most_is_no_result(case, tmp_path, capsys):
 def test_a_signal_in_machine_code_ends_the_command(monkeypatch, capsys):
     """Python tells it as the cause of another error."""
 
-    def interrupted(_):
+    def interrupted(*_, **__):
         raise SystemError('returned a result with an exception set') from Terminated(15)
 
-    monkeypatch.setattr(calibrate, 'execute', interrupted)
+    monkeypatch.setattr(bag_calibration, 'calibrate', interrupted)
     assert run('calibrate', 'bag') == 143 and not capsys.readouterr().err

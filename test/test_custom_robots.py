@@ -73,7 +73,7 @@ def test_its_bag_has_the_figures_of_its_simulation(words, bag, tmp_path):
     found = json.loads((tmp_path / 'found.json').read_text())
     assert found['steady'] == pytest.approx(as_data(expected)['steady'], rel=1e-12)
     code = RobotCode(True) if words == CODES[0] else RobotCode(files=(str(EXAMPLE),))
-    again = load(bag, trust=code.trust, custom_robots=code.files)
+    again = load(bag, trust=code.trust, custom_robots=list(code.files))
     assert metrics(again) == expected and np.array_equal(again.pose, run.pose)
     assert 'platform_error_m' in again.to_frame() and 'not known' not in repr(again)
     ((report,),) = read_runs([bag], code=code).values()

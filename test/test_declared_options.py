@@ -7,11 +7,11 @@ replaced, so that an option whose value nobody reads comes to light at once.
 import pytest
 
 from parallel_robot.cli.command_line import COMMANDS, main, module_of
-from parallel_robot.cli.commands import simulate, sweep
+from parallel_robot.cli.commands import simulate
 from parallel_robot_model.common.options import Parser
 
 WRONG = {  # a value that is refused wherever it is looked at, by what argparse calls the option
-    'param_files': '{tmp}/none.yaml',
+    'param_file': '{tmp}/none.yaml',
     'assignments': 'no_such_key=1',
     'law': 'no_such_law',
     'laws': 'no_such_law',
@@ -19,7 +19,7 @@ WRONG = {  # a value that is refused wherever it is looked at, by what argparse 
     'scenario': 'no_such_scenario',
     'machine': 'no_such_machine',
     'ros2_control': '{tmp}/file',
-    'topics': 'no_such=/topic',
+    'topic': 'no_such=/topic',
     'joints': 'a',
     'run': 'no_such_scenario',
     'design': 'no_such_scenario',
@@ -119,7 +119,7 @@ WORK = (  # what a command does when it has read all options
     'parallel_robot.studies.tuning.tuned.run',
     'parallel_robot.studies.least_errors.least_error',
     'parallel_robot.cli.commands.compare.simulation.attempt',
-    'parallel_robot.cli.commands.verify.verify',
+    'parallel_robot.studies.verification.verify_kind',
     'parallel_robot.cli.commands.fmu.unit',
     'parallel_robot.cli.commands.fmu.ros2_package',
     'parallel_robot.studies.identification.design.Excitation',
@@ -225,7 +225,8 @@ def test_an_option_without_a_meaning_is_refused(words, message, bag, idle, tmp_p
 def test_a_parameter_file_counts_in_a_study(more, tmp_path, monkeypatch):
     (tmp_path / 'tuned.yaml').write_text('s_fotsmc: {G: 12.0, lambda: 30.0}\n')
     found = []
-    monkeypatch.setattr(sweep, 'sweep', lambda plan, *_: found.append(plan.row(0)) or {})
+    run = 'parallel_robot.studies.sweep.sweep.run'
+    monkeypatch.setattr(run, lambda plan, *_: found.append(plan.row(0)) or {})
     monkeypatch.setattr(simulate, 'record', lambda _, changed, *__: found.append(changed) or 0)
     given = ['--param-file', str(tmp_path / 'tuned.yaml'), *more, '--out', str(tmp_path / 'out')]
     assert main(['sweep', 'uncertain_robot', *given]) == 0

@@ -46,7 +46,7 @@ def test_a_robot_at_rest_tells_its_noise(tmp_path):
     noise = 1e-5 * np.random.default_rng(0).normal(size=(2000, 3))
     found = streams(np.ones((2000, 3)), 1.0 + noise)
     write_foreign(tmp_path / 'bag', {JOINT_STATES: found[JOINT_STATES]})
-    rest = pr.identify(tmp_path / 'bag', rest=True)
+    rest = pr.sensor_noise(tmp_path / 'bag')
     np.testing.assert_allclose(rest.position, 1e-5, rtol=0.1)
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas
 import pytest
+import yaml
 from custom_law import LAW
 from mcap.reader import make_reader
 
@@ -22,20 +23,14 @@ from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.python import (
-    descriptions,
-    estimation,
-    notebook,
-    presentations,
-    spectra,
-    studies,
-    written_tables,
-)
+from parallel_robot.python import notebook, written_tables
+from parallel_robot_control.foreign import c_law
 from parallel_robot_control.laws import LAWS
+from parallel_robot_model.common import errors
 from parallel_robot_model.common.errors import BagError, InputError
+from parallel_robot_model.common.tables import ShownResult
 from parallel_robot_model.configuration import config
 from parallel_robot_model.configuration.loop import DURATION
-from parallel_robot_sim import scenario_run
 
 pytest_plugins = ['sweeping']
 
@@ -65,14 +60,15 @@ def messages(bag):
 @pytest.mark.parametrize(
     'module',
     [
-        *(parallel_robot, scenario_run, notebook),
-        *(estimation, studies, spectra, written_tables, presentations, presentations),
-        *(studies, descriptions, spectra, studies, written_tables),
+        parallel_robot,
+        *sorted({*parallel_robot.PLACES.values()} - {errors.__name__, c_law.__name__}),
     ],
 )
 def test_the_examples_of_the_docstrings_do_what_they_say(module, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    found = doctest.testmod(module)
+    found = doctest.testmod(
+        module if module is parallel_robot else importlib.import_module(module)
+    )
     assert found.attempted > 0
     assert found.failed == 0
 
@@ -161,7 +157,7 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
         (lambda: simulate('paper_circle', param_file='no.yaml'), 'no.yaml does not exist'),
         (lambda: notebook.load('nowhere'), 'nowhere'),
         (lambda: notebook.load(None), 'bag must be a path, not None'),
-        (lambda: notebook.sweep('equal_effort', 3), 'out must be a path, not 3'),
+        (lambda: parallel_robot.sweep('equal_effort', 3), 'out must be a path, not 3'),
         (lambda: notebook.metrics('bag'), "a run is wanted, as of simulate or load, not 'bag'"),
         (lambda: notebook.plot('a'), "plot takes runs, not 'a'"),
         (lambda: notebook.plot([]), 'plot takes up to 8 runs, not 0'),
@@ -172,44 +168,64 @@ def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
             "custom_laws must be a list of files, not 'mine.py'",
         ),
         (lambda: written_tables.laws(['no.py']), 'no.py'),
-        (lambda: presentations.report(3, 'out'), 'a bag must be a path, not 3'),
-        (lambda: presentations.report([], 'out'), 'a bag is needed'),
-        (lambda: presentations.report('no', 'out'), 'no does not exist'),
-        (lambda: presentations.report('no', 'out', scale='x'), "unknown scale 'x'"),
-        (lambda: presentations.video('no', 'x.avi'), "unknown video format '.avi'"),
-        (lambda: presentations.video('no', 'x.gif', rate='5'), '--rate must be 1 to 100 Hz, not '),
-        (lambda: presentations.export('no', 'x.txt'), "unknown table format '.txt'"),
-        (lambda: presentations.export('no', 'x.csv'), 'no does not exist'),
-        (lambda: studies.limit('nowhere'), "unknown scenario 'nowhere'"),
-        (lambda: studies.limit('paper_circle', runs=2), '--runs is for studies'),
-        (lambda: studies.limit('paper_circle', figure='x.txt'), 'picture format'),
-        (lambda: presentations.replay('no'), 'no does not exist'),
-        (lambda: presentations.replay('no', figure='x.txt'), 'picture format'),
-        (lambda: presentations.rerun('no'), 'no does not exist'),
-        (lambda: estimation.identify(), 'identify takes either a bag or --design SCENARIO'),
-        (lambda: estimation.identify('no'), 'no does not exist'),
-        (lambda: estimation.identify('no', trials=3), '--trials goes with --design alone'),
-        (lambda: estimation.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
-        (lambda: estimation.identify('no', rest=True, cutoff=0), 'identifies no robot: no'),
-        (lambda: estimation.identify(design='paper_circle'), '--design needs trajectory'),
-        (lambda: estimation.identify(design='excitation', trials=0), '--trials must be at'),
-        (lambda: studies.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
-        (lambda: studies.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
-        (lambda: studies.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
-        (lambda: studies.tune('smc', 'paper_circle', 'out', trials=0), '--trials must be from 1'),
-        (lambda: studies.tune('smc', 'paper_circle', 'out', bounds='z=3'), 'bounds must be names'),
-        (lambda: studies.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
-        (lambda: studies.tune('smc', 'paper_circle', 'out', weights={'x': 1}), "weight 'x'"),
-        (lambda: studies.tune('smc', 'paper_circle', 'out', search='a.b'), 'a list of keys'),
+        (lambda: parallel_robot.report(3, 'out'), 'a bag must be a path, not 3'),
+        (lambda: parallel_robot.report([], 'out'), 'a bag is needed'),
+        (lambda: parallel_robot.report('no', 'out'), 'no does not exist'),
+        (lambda: parallel_robot.report('no', 'out', scale='x'), "unknown scale 'x'"),
+        (lambda: parallel_robot.video('no', 'x.avi'), "unknown video format '.avi'"),
+        (
+            lambda: parallel_robot.video('no', 'x.gif', rate='5'),
+            '--rate must be 1 to 100 Hz, not ',
+        ),
+        (lambda: parallel_robot.export('no', 'x.txt'), "unknown table format '.txt'"),
+        (lambda: parallel_robot.export('no', 'x.csv'), 'no does not exist'),
+        (lambda: parallel_robot.limit('nowhere'), "unknown scenario 'nowhere'"),
+        (lambda: parallel_robot.limit('paper_circle', runs=2), '--runs is for studies'),
+        (lambda: parallel_robot.limit('paper_circle', figure='x.txt'), 'picture format'),
+        (lambda: parallel_robot.replay('no'), 'no does not exist'),
+        (lambda: parallel_robot.replay('no', figure='x.txt'), 'picture format'),
+        (lambda: parallel_robot.rerun('no'), 'no does not exist'),
+        (lambda: parallel_robot.identify(3), 'a bag must be a path, not 3'),
+        (lambda: parallel_robot.identify('no'), 'no does not exist'),
+        (lambda: parallel_robot.identify('no', cutoff='5'), "a frequency in Hz, not '5'"),
+        (lambda: parallel_robot.sensor_noise('no'), 'no does not exist'),
+        (lambda: parallel_robot.exciting_motion('paper_circle'), '--design needs trajectory'),
+        (lambda: parallel_robot.exciting_motion('excitation', trials=0), '--trials must be at'),
+        (lambda: parallel_robot.tune('smcc', 'paper_circle', 'out'), "did you mean 'smc'"),
+        (lambda: parallel_robot.tune('smc', 'nowhere', 'out'), "unknown scenario 'nowhere'"),
+        (lambda: parallel_robot.tune('smc', 'paper_circle', 3), 'out must be a path, not 3'),
+        (
+            lambda: parallel_robot.tune('smc', 'paper_circle', 'out', trials=0),
+            '--trials must be from 1',
+        ),
+        (
+            lambda: parallel_robot.tune('smc', 'paper_circle', 'out', bounds='z=3'),
+            'bounds must be names',
+        ),
+        (lambda: parallel_robot.tune('smc', 'paper_circle', 'out', bounds={'z': 'x'}), 'z'),
+        (
+            lambda: parallel_robot.tune('smc', 'paper_circle', 'out', weights={'x': 1}),
+            "weight 'x'",
+        ),
+        (
+            lambda: parallel_robot.tune('smc', 'paper_circle', 'out', search='a.b'),
+            'a list of keys',
+        ),
         (lambda: notebook.compare('ab'), "compare takes runs, not 'a'"),
         (lambda: notebook.compare(3), 'compare takes several runs'),
         (lambda: notebook.compare({'a': 3}), 'compare takes runs, not 3'),
-        (lambda: notebook.sweep(3, 'out'), 'study must be a name, a path or keys and values'),
-        (lambda: notebook.sweep('no', 'out'), "unknown study 'no'"),
-        (lambda: notebook.sweep({'a': object()}, 'out'), 'study must hold plain numbers'),
-        (lambda: notebook.sweep({'laws': ['smc']}, 'out'), 'study: scenarios is missing'),
-        (lambda: notebook.sweep(STUDY, 'out', workers=0), 'workers must be from 1 to 1024, not 0'),
-        (lambda: notebook.sweep(STUDY, 'out', runs='2'), 'runs must be'),
+        (
+            lambda: parallel_robot.sweep(3, 'out'),
+            'study must be a name, a path or keys and values',
+        ),
+        (lambda: parallel_robot.sweep('no', 'out'), "unknown study 'no'"),
+        (lambda: parallel_robot.sweep({'a': object()}, 'out'), 'study must hold plain numbers'),
+        (lambda: parallel_robot.sweep({'laws': ['smc']}, 'out'), 'study: scenarios is missing'),
+        (
+            lambda: parallel_robot.sweep(STUDY, 'out', workers=0),
+            '--workers must be from 1 to 1024, not 0',
+        ),
+        (lambda: parallel_robot.sweep(STUDY, 'out', runs='2'), 'runs must be'),
     ],
 )
 def test_what_is_wrong_costs_one_clear_line(call, text, tmp_path, monkeypatch):
@@ -272,7 +288,7 @@ def test_metrics_are_shown_as_a_table(run):
 def test_a_run_as_a_frame_has_the_columns_of_its_bag(scenario, changes, tmp_path):
     run = simulate(scenario, duration=0.1, **changes)
     notebook.save(run, tmp_path / 'bag')
-    exported = presentations.export(tmp_path / 'bag')
+    exported = parallel_robot.export(tmp_path / 'bag')
     loaded, made = notebook.load(tmp_path / 'bag').to_frame(), run.to_frame()
     assert list(loaded) == list(made) == list(exported) and len(made) == len(loaded) == 101
     assert bool(changes) == any('seen' in name for name in made)
@@ -340,6 +356,13 @@ def bag(tmp_path_factory):
     return bag
 
 
+@pytest.fixture(scope='module')
+def excited(tmp_path_factory):
+    bag = tmp_path_factory.mktemp('excited') / 'bag'
+    notebook.save(simulate('excitation', law='pid', duration=3, **{'true_robot.mp': 4.0}), bag)
+    return bag
+
+
 def commanded(capsys, *words):
     """What a command prints."""
     assert command_line.main(list(map(str, words))) == 0
@@ -355,124 +378,157 @@ def files(directory):
     }
 
 
-def test_a_report_is_that_of_the_command_line(bag, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr('parallel_robot.analysis.report.report_files.FORMATS', ('svg',))
-    made = presentations.report(bag, tmp_path / 'ours', scale='log')
-    out = commanded(capsys, 'report', bag, '--out', tmp_path / 'theirs', '--scale', 'log')
-    assert made.warnings == () and f'{made.figures} files' in out
-    ours, theirs = files(tmp_path / 'ours'), files(tmp_path / 'theirs')
-    assert ours.keys() == theirs.keys() and len(ours) == made.figures + 1
-    assert ours[Path('report.html')] == theirs[Path('report.html')]
-
-
-def test_a_video_is_that_of_the_command_line(bag, tmp_path, capsys):
-    made = presentations.video(bag, tmp_path / 'ours.gif', rate=10, speed=2)
-    out = commanded(
-        capsys, 'video', bag, '--out', tmp_path / 'theirs.gif', '--rate', 10, '--speed', 2
-    )
-    assert f'{made.frames} frames, errors magnified {made.magnified:g} times' in out
-    assert made.path.read_bytes() == (tmp_path / 'theirs.gif').read_bytes()
-
-
-def test_an_export_is_that_of_the_command_line(bag, tmp_path, capsys):
-    found = presentations.export(bag, tmp_path / 'ours.csv', foxglove=tmp_path / 'ours')
-    out = commanded(capsys, 'export', bag, '--out', tmp_path / 'theirs.csv')
-    assert f'{len(found)} rows, {len(found.columns)} columns' in out
-    assert found.attrs['warnings'] == ()
-    commanded(capsys, 'export', bag, '--foxglove', tmp_path / 'theirs')
-    assert messages(tmp_path / 'ours') == messages(tmp_path / 'theirs')
-    assert (tmp_path / 'ours.csv').read_bytes() == (tmp_path / 'theirs.csv').read_bytes()
-    assert found.equals(presentations.export(bag))
-
-
-def test_the_least_error_is_that_of_the_command_line(tmp_path, capsys):
-    noise = {'disturbance.noise': 0.1, 'sensor.resolution': 1e-5}
-    found = studies.limit('paper_circle', duration=0.5, figure=tmp_path / 'calm.svg', **noise)
-    words = [f'--set={key}={value}' for key, value in noise.items()]
-    out = tmp_path / 'limit.csv'
-    main = ['limit', 'paper_circle', '--duration', '0.5', '--calm', *words, '--out', str(out)]
-    assert command_line.main(main) == 0
-    warned = capsys.readouterr().err
-    assert [f'parallel_robot limit: warning: {text}\n' for text in found.attrs['warnings']] == [
-        f'parallel_robot limit: {warned}'
-    ]
-    pandas.testing.assert_frame_equal(pandas.read_csv(out), found)
-    assert (tmp_path / 'calm.svg').is_file()
-
-
-def test_a_replay_is_that_of_the_command_line(bag, tmp_path, capsys):
-    found = presentations.replay(bag)
-    assert repr(found) + '\n' == commanded(capsys, 'replay', bag)
-    assert found.differing == 0 == found.late
-    np.testing.assert_array_equal(found.torque, found.recorded)
-    other = presentations.replay(bag, law='pid', figure=tmp_path / 'ours.svg', **{'pid.Kp': 1000})
-    figure = tmp_path / 'theirs.svg'
-    words = ['--law', 'pid', '--set', 'pid.Kp=1000', '--figure', figure]
-    assert f'{other!r}\nfigure  {figure}\n' == commanded(capsys, 'replay', bag, *words)
-    assert other.torque.shape == other.recorded.shape == (201, 3) and other.differing == 201
-    assert (tmp_path / 'ours.svg').is_file()
-
-
-def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
-    found = presentations.rerun(bag, tmp_path / 'ours')
-    said = commanded(capsys, 'rerun', bag, '--out', tmp_path / 'theirs')
-    assert found.identical and found.lines() == said.splitlines()[-1:]
-    assert messages(found.bag) == messages(tmp_path / 'theirs')
-    short = presentations.rerun(bag, tmp_path / 'short', duration=0.1)
-    assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
-    with pytest.raises(BagError, match='exists'):
-        presentations.rerun(bag, tmp_path / 'ours')
-
-
-def test_an_identified_robot_is_that_of_the_command_line(tmp_path, capsys):
-    first, second = tmp_path / 'first', tmp_path / 'second'
-    notebook.save(simulate('excitation', duration=3, **{'true_robot.mp': 4.0}), first)
-    notebook.save(simulate('paper_circle', duration=2, **{'true_robot.mp': 4.0}), second)
-    ours, theirs = tmp_path / 'ours.yaml', tmp_path / 'theirs.yaml'
-    found = estimation.identify(
-        first, validate=second, out=ours, figure=tmp_path / 'ours.svg', cutoff=9.0
-    )
-    words = ['--validate', second, '--cutoff', '9', '--out', theirs]
-    out = commanded(capsys, 'identify', first, *words)
-    assert '\n'.join([*found.lines(), f'robot   {theirs}', '']) == out
-    assert ours.read_bytes() == theirs.read_bytes()
-    read = simulate('paper_circle', duration=0.01, param_file=ours).values
-    assert found.values.items() <= read.items()
-    words = ['--validate', second, '--cutoff', '9', '--format', 'json']
-    assert json.loads(commanded(capsys, 'identify', first, *words)) == found.as_data()
-    with pytest.raises(BagError, match='no phase of rest'):
-        estimation.identify(first, rest=True)
-    motion = estimation.identify(design='excitation', trials=3, seed=1, out=ours.with_stem('x'))
-    words = [
-        '--design',
-        'excitation',
-        '--trials',
-        '3',
-        '--seed',
-        '1',
-        '--out',
-        theirs.with_stem('y'),
-    ]
-    out = commanded(capsys, 'identify', *words)
-    assert repr(motion) == '\n'.join(out.splitlines()[:-1])
-    assert ours.with_stem('x').read_bytes() == theirs.with_stem('y').read_bytes()
+SMALL = {'duration': 0.1, 'trials': 3, 'workers': 1}
+FOUND = {'duration': 0.1, 'disturbance.noise': 0.1, 'sensor.resolution': 1e-5}
+CALLS = {  # a call of the function of each command, beside the words of the command
+    'benchmark': None,  # takes a minute; see test_benchmark
+    'calibrate': None,  # see test_calibrate
+    'export': (['{bag}', '--out', 'out.csv'], (), {'out': 'out.csv'}),
+    'identify': (
+        ['{excited}', '--hold-out', '0.2', '--cutoff', '9', '--all', '--out', 'out.yaml'],
+        ('{excited}',),
+        {'hold_out': 0.2, 'cutoff': 9.0, 'all': True, 'out': 'out.yaml'},
+    ),
+    'limit': (
+        ['axes_step', '--duration', '0.1', '--calm', '--out', 'out.csv', '--figure', 'out.svg',
+         '--set', 'disturbance.noise=0.1', '--set', 'sensor.resolution=1e-5'],
+        ('axes_step',),
+        {'out': 'out.csv', 'figure': 'out.svg', **FOUND},
+    ),
+    'recover': (['{bag}', '--out', 'out'], ('{bag}', 'out'), {}),
+    'replay': (
+        ['{bag}', '--law', 'pid', '--set', 'pid.Kp=1000', '--figure', 'out.svg'],
+        ('{bag}',),
+        {'law': 'pid', 'figure': 'out.svg', 'pid.Kp': 1000},
+    ),
+    'report': (
+        ['{bag}', '--out', 'out', '--scale', 'log'], ('{bag}', 'out'), {'scale': 'log'},
+    ),
+    'sweep': (['study.yaml', '--out', 'out', '--workers', '1'], (STUDY, 'out'), {'workers': 1}),
+    'tune': (
+        ['smc', 'paper_circle', '--duration', '0.1', '--trials', '3', '--workers', '1',
+         '--weights', 'error=2,chattering=1', '--bounds', 'z=10:50', '--bounds', 'G=12',
+         '--out', 'out'],
+        ('smc', 'paper_circle', 'out'),
+        {'weights': {'error': 2, 'chattering': 1}, 'bounds': {'z': (10, 50), 'G': 12}, **SMALL},
+    ),
+    'urdf': (['paper_circle', '--out', 'out.urdf'], ('paper_circle',), {'out': 'out.urdf'}),
+    'verify': (['--set', 'robot_model=axes'], (), {'robot_model': 'axes'}),
+    'video': (
+        ['{bag}', '--out', 'out.gif', '--rate', '10', '--speed', '2'],
+        ('{bag}', 'out.gif'),
+        {'rate': 10, 'speed': 2},
+    ),
+}  # fmt: skip
 
 
 @pytest.mark.usefixtures('inline', 'undrawn')
-def test_tuned_gains_are_those_of_the_command_line(tmp_path, capsys):
-    ours, theirs = tmp_path / 'ours', tmp_path / 'theirs'
-    asked = {'duration': 0.1, 'trials': 3, 'workers': 1, 'weights': {'error': 2, 'chattering': 1}}
-    found = studies.tune('smc', 'paper_circle', ours, bounds={'z': (10, 50), 'G': 12}, **asked)
-    words = ['--duration', '0.1', '--trials', '3', '--workers', '1', '--out', theirs]
-    words += ['--weights', 'error=2,chattering=1', '--bounds', 'z=10:50', '--bounds', 'G=12']
-    out = commanded(capsys, 'tune', 'smc', 'paper_circle', *words)
-    assert found.lines() == out.splitlines()[:-3]
-    for name in ('tuned.yaml', 'front.csv', 'trials.csv'):
-        assert (ours / name).read_bytes() == (theirs / name).read_bytes()
-    assert (
-        found.values.items()
-        <= simulate('paper_circle', duration=0.01, param_file=ours / 'tuned.yaml').values.items()
-    )
+@pytest.mark.parametrize('command', [name for name, call in CALLS.items() if call])
+def test_a_command_is_the_function_of_its_name(
+    command, bag, excited, tmp_path, capsys, monkeypatch
+):
+    """They print and write the same."""
+    monkeypatch.setattr('parallel_robot.analysis.report.report_files.FORMATS', ('svg',))
+    words, places, values = CALLS[command]
+    written, shown = [], []
+    for kind in ('python', 'shell'):
+        folder = tmp_path / kind
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        (folder / 'study.yaml').write_text(yaml.safe_dump(STUDY, sort_keys=False))
+
+        def filled(each):
+            known = {'{bag}': str(bag), '{excited}': str(excited)}
+            return known.get(each, each) if isinstance(each, str) else each
+
+        if kind == 'shell':
+            assert command_line.main([command, *map(filled, words)]) == 0
+            shown.append(capsys.readouterr().out)
+        else:
+            offered = getattr(parallel_robot, command)
+            function = getattr(offered, 'raw', offered)
+            given = {name: filled(value) for name, value in values.items()}
+            if command == 'export':
+                given['bag'] = str(bag)
+            found = function(*map(filled, places), **given)
+            if command == 'export':  # a table in Python
+                shown.append(f'table   out.csv, {len(found)} rows, {len(found.columns)} columns\n')
+            elif isinstance(found, ShownResult):
+                lines = found.file_lines() or ['figure  out.svg'] * (command == 'replay')
+                shown.append('\n'.join([*found.lines(), *lines, '']))
+            else:
+                shown.append(str(found))
+        written.append(
+            {name: text for name, text in files(folder).items() if 'log' not in name.name}
+        )
+    assert shown[0] == shown[1]
+    assert written[0].keys() == written[1].keys() and len(written[0]) > 1 - (command == 'verify')
+    same = {name for name in written[0] if name.suffix not in ('.html', '.mcap', '.svg')}
+    assert {name: written[0][name] for name in same} == {name: written[1][name] for name in same}
+
+
+def test_every_command_of_a_function_is_compared_with_it():
+    assert CALLS.keys() == {*command_line.FUNCTIONS}
+
+
+def test_a_copy_for_viewers_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = parallel_robot.export(bag, foxglove=tmp_path / 'ours')
+    assert found.attrs['warnings'] == ()
+    commanded(capsys, 'export', bag, '--foxglove', tmp_path / 'theirs')
+    assert messages(tmp_path / 'ours') == messages(tmp_path / 'theirs')
+    assert found.equals(parallel_robot.export(bag))
+
+
+def test_least_errors_are_the_rows_of_the_command_line(tmp_path, capsys):
+    found = parallel_robot.limit('axes_step', calm=True, out=tmp_path / 'limit.csv', **FOUND)
+    assert capsys.readouterr() == ('', '') and len(found.attrs['warnings']) == 1
+    pandas.testing.assert_frame_equal(pandas.read_csv(tmp_path / 'limit.csv'), found)
+
+
+def test_a_replay_has_the_torques(bag):
+    found = parallel_robot.replay(bag)
+    assert found.differing == 0 == found.late
+    np.testing.assert_array_equal(found.torque, found.recorded)
+    other = parallel_robot.replay(bag, law='pid', **{'pid.Kp': 1000})
+    assert other.torque.shape == other.recorded.shape == (201, 3) and other.differing == 201
+
+
+def test_a_rerun_is_that_of_the_command_line(bag, tmp_path, capsys):
+    found = parallel_robot.rerun(bag, tmp_path / 'ours')
+    said = commanded(capsys, 'rerun', bag, '--out', tmp_path / 'theirs')
+    assert found.identical and found.lines() == said.splitlines()[-1:]
+    assert messages(found.bag) == messages(tmp_path / 'theirs')
+    short = parallel_robot.rerun(bag, tmp_path / 'short', duration=0.1)
+    assert repr(short).startswith(f'identical: {short.messages} messages, as far as both bags go')
+    with pytest.raises(BagError, match='exists'):
+        parallel_robot.rerun(bag, tmp_path / 'ours')
+
+
+def test_an_identified_robot_can_be_simulated(excited, tmp_path, capsys):
+    found = parallel_robot.identify(excited, out=tmp_path / 'ours.yaml')
+    read = simulate('paper_circle', duration=0.01, param_file=tmp_path / 'ours.yaml').values
+    assert found.values.items() <= read.items()
+    words = ['identify', excited, '--format', 'json']
+    assert json.loads(commanded(capsys, *words)) == found.as_data()
+    with pytest.raises(BagError, match='no phase of rest'):
+        parallel_robot.sensor_noise(excited)
+
+
+def test_an_exciting_motion_is_that_of_the_command_line(tmp_path, capsys):
+    ours, theirs = tmp_path / 'ours.yaml', tmp_path / 'theirs.yaml'
+    motion = parallel_robot.exciting_motion('excitation', ours, trials=3, seed=1)
+    words = ['--design', 'excitation', '--trials', 3, '--seed', 1, '--out', theirs]
+    out = commanded(capsys, 'identify', *words)
+    assert repr(motion) == '\n'.join(out.splitlines()[:-1])
+    assert ours.read_bytes() == theirs.read_bytes()
+
+
+@pytest.mark.usefixtures('inline', 'undrawn')
+def test_tuned_gains_can_be_simulated(tmp_path):
+    found = parallel_robot.tune('smc', 'paper_circle', tmp_path / 'ours', **SMALL)
+    file = tmp_path / 'ours' / 'tuned.yaml'
+    read = simulate('paper_circle', duration=0.01, param_file=file).values
+    assert found.values.items() <= read.items()
     assert len(found.trials()) == 3 and found.front().chosen.sum() == 1
     assert not found.verdict.converged
 
@@ -483,17 +539,17 @@ def test_the_code_of_a_bag_runs_when_it_is_trusted(tmp_path, capsys):
     notebook.save(simulate('paper_circle', law='mine', duration=0.02, custom_laws=[law]), bag)
     law.unlink()
     with pytest.raises(BagError, match='holds the code of the law mine'):
-        presentations.replay(bag)
+        parallel_robot.replay(bag)
     with pytest.raises(BagError, match='holds the code of the law mine'):
-        presentations.rerun(bag)
-    assert presentations.replay(bag, trust=True).differing == 0
-    assert presentations.rerun(bag, trust=True).identical
+        parallel_robot.rerun(bag)
+    assert parallel_robot.replay(bag, trust=True).differing == 0
+    assert parallel_robot.rerun(bag, trust=True).identical
     assert capsys.readouterr() == ('', '')
 
 
 @pytest.mark.usefixtures('inline')
 def test_a_study_of_keys_and_values_is_swept(tmp_path):
-    found = notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
+    found = parallel_robot.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20})
     assert found.law.tolist() == ['smc', 's_smc'] * 2
     assert set(found.status) == {'ok'}
     row = found.iloc[0]
@@ -502,8 +558,8 @@ def test_a_study_of_keys_and_values_is_swept(tmp_path):
         **{'smc.z': 20, 'true_robot.mp': row['true_robot.mp']},
     )  # fmt: skip
     assert row.xy_rms_m == pytest.approx(notebook.metrics(alone)['xy_rms_m'], rel=1e-9)
-    assert notebook.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20}).equals(found)
-    (law,) = set(notebook.sweep(STUDY, tmp_path / 'one', laws=['s_smc'], workers=1).law)
+    assert parallel_robot.sweep(STUDY, tmp_path / 'out', workers=1, **{'smc.z': 20}).equals(found)
+    (law,) = set(parallel_robot.sweep(STUDY, tmp_path / 'one', laws=['s_smc'], workers=1).law)
     assert law == 's_smc'
 
 

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from parallel_robot.cli.command_line import build_parser
-from parallel_robot.cli.commands.simulate import given
+from parallel_robot.cli.shared import given
 from parallel_robot.studies.least_errors import is_study
 from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.messages import topics
@@ -52,7 +52,7 @@ def test_the_demo_is_one_run_which_tells_its_metrics_itself():
 def test_commands_of_the_command_line_parse_and_their_keys_resolve(command, monkeypatch):
     monkeypatch.chdir(ROOT)
     arguments = build_parser().parse_args(shlex.split(command.partition(' > ')[0])[1:])
-    files = {str(file) for file in getattr(arguments, 'param_files', [])}
+    files = {str(file) for file in getattr(arguments, 'param_file', [])}
     if getattr(arguments, 'scenario', None) is None or not all(map(os.path.exists, files)):
         pages = '\n'.join(text for text in PAGES.values() if command in text)
         assert all(pages.count(file) > 1 for file in files)  # one of before, or one shown there

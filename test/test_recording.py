@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from bags import START, streams, table_of, write_foreign
 
+from parallel_robot.analysis.export import export
 from parallel_robot.analysis.report.runs import read_runs
 from parallel_robot.bags import bag_reader
 from parallel_robot.bags.run import recording
 from parallel_robot.cli.command_line import main
-from parallel_robot.python import notebook, presentations
+from parallel_robot.python import notebook
 from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.messages import topics
 from parallel_robot_model.messages.topics import CROSS_COUPLING_ERROR, SLIDING_VARIABLE
@@ -28,7 +29,7 @@ def bag(tmp_path_factory):
         lambda bag: read_runs([bag]),
         table_of,
         notebook.load,
-        lambda bag: presentations.export(bag, foxglove=bag.with_name('copy')),
+        lambda bag: export(bag, foxglove=bag.with_name('copy')),
         lambda bag: main(['analyze', str(bag)]),
         lambda bag: main(['replay', str(bag)]),
     ],

@@ -20,7 +20,7 @@ from parallel_robot.bags.run import recording
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands import rehearse, replay
+from parallel_robot.cli.commands import rehearse
 from parallel_robot_control.answer_kernel import LOG
 from parallel_robot_control.configuration import configure, resolve
 from parallel_robot_control.contract import JointReference
@@ -459,7 +459,7 @@ def test_positions_alone_are_replayed_where_they_were_enough(kind, unknown, simu
 def test_states_without_a_reference_are_told_once(simulated, monkeypatch, capsys):
     measured = simulated(**{'safety.reference_timeout': 0.05})
     bag = measured.with_name('cut')
-    monkeypatch.setattr('parallel_robot.cli.commands.replay.SECONDS', 0.12)  # of a window
+    monkeypatch.setattr('parallel_robot.analysis.replay.bag_replay.SECONDS', 0.12)  # of a window
     with BagWriter(bag, topics.RECORDED, recording.read(measured).history.facts) as writer:
         for topic, stream in content(measured / 'bag_0.mcap').items():
             for log_time, data in stream[:100] if topic == topics.REFERENCE.name else stream:
@@ -513,7 +513,7 @@ def test_a_bag_in_windows_is_replayed_as_at_once(words, simulated, tmp_path, cap
     )
     monkeypatch.setattr(indexed_reader, 'LARGE', 1)
     for seconds in (30.0, 0.07):
-        monkeypatch.setattr(replay, 'SECONDS', seconds)
+        monkeypatch.setattr('parallel_robot.analysis.replay.bag_replay.SECONDS', seconds)
         picture = tmp_path / f'{seconds}.png'
         code = main(['replay', str(bag), *words, '--figure', str(picture)])
         out, err = capsys.readouterr()

@@ -7,8 +7,8 @@ import pytest
 from assembly import simulated as simulate
 from bags import JOINTS, MS, START, streams, table_of, write_foreign
 
+from parallel_robot.analysis.export import export
 from parallel_robot.bags.writing import simulation_bag
-from parallel_robot.python.presentations import export
 from parallel_robot_control.messages import telemetry_layouts
 from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.configuration import config

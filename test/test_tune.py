@@ -1,6 +1,5 @@
 """`parallel_robot tune`: a small search, continued, and what it refuses."""
 
-import argparse
 import csv
 import math
 from dataclasses import replace
@@ -10,7 +9,6 @@ import pytest
 import yaml
 
 from parallel_robot.cli.command_line import main
-from parallel_robot.cli.commands import tune
 from parallel_robot.studies.tuning import trial
 from parallel_robot.studies.tuning.front import choose, front
 from parallel_robot.studies.tuning.output import SUFFIXES
@@ -24,6 +22,7 @@ from parallel_robot.studies.tuning.space import (
 )
 from parallel_robot.studies.tuning.trial import Effort, Rule, Trial, distributions, within
 from parallel_robot.studies.tuning.tune import infeasible
+from parallel_robot.studies.tuning.tuned import study_of
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import EstimatorParameters
 from parallel_robot_control.laws import LAWS
@@ -131,12 +130,8 @@ def test_equal_effort_of_another_measure(tmp_path):
 
 
 def test_a_search_on_another_seed_has_other_samples_of_the_same_study():
-    parser = argparse.ArgumentParser()
-    tune.add_arguments(parser)
-    words = ['pid', 'paper_circle', '--out', 'unused', '--study', 'laboratory', '--runs', '2']
     own, other = (
-        tune.asked(parser.parse_args([*words, *more])).varied({})
-        for more in ([], ['--study-seed', '3'])
+        study_of('pid', 'paper_circle', {}, 'laboratory', runs=2, seed=seed) for seed in (None, 3)
     )
     assert replace(other, seed=own.seed) == own and other.seed == 3
 

@@ -23,9 +23,9 @@ def test_all_robots_agree_with_mujoco(capsys):
 
 
 def test_a_robot_depends_on_its_number_and_the_seed_alone():
-    both = verification.verify('axes', [0, 1], 3, 0.05)
-    assert verification.verify('axes', [1], 3, 0.05) == both[1:]
-    assert verification.verify('axes', [1], 4, 0.05) != both[1:]
+    both = verification.verify_kind('axes', [0, 1], 3, 0.05)
+    assert verification.verify_kind('axes', [1], 3, 0.05) == both[1:]
+    assert verification.verify_kind('axes', [1], 4, 0.05) != both[1:]
 
 
 @pytest.mark.parametrize(
@@ -39,7 +39,6 @@ def test_a_parameter_that_is_a_thousandth_off_is_found(kind, name, monkeypatch, 
 
     monkeypatch.setattr(verification, 'MujocoRobot', built)
     monkeypatch.setattr(verification, 'SCENARIOS', {kind: verification.SCENARIOS[kind]})
-    monkeypatch.setattr('parallel_robot.cli.commands.verify.SCENARIOS', {kind: ''})
     assert main(['verify', *SHORT]) == 1
     assert 'more than 1e-09' in capsys.readouterr().out
 

@@ -202,7 +202,12 @@ class ViewerCopy(NamedTuple):
     path: Path  # its directory
     frames: int  # number of frames of the robot
     seen: bool  # whether they are of the joints as they are seen, not of the true ones
-    warnings: tuple[str, ...]  # defects of the bag, one line each
+    doubts: tuple[str, ...]  # defects of the bag, one line each
+
+    def __str__(self) -> str:
+        """What the command prints."""
+        seen = ', seen' if self.seen else ''
+        return f'bag     {self.path}, with {self.frames} frames of the robot{seen}\n'
 
 
 def write_viewer_copy(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from numbers import Real
 from pathlib import Path
@@ -12,14 +12,15 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis import video
 from parallel_robot.analysis.report.runs import read_runs
-from parallel_robot.analysis.video import MOST, frame_times, magnification, scene
+from parallel_robot.analysis.video import MOST, frame_times, frames, magnification, scene
 from parallel_robot.bags import output
-from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.output import tracked
-from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.run.recorded_robot import code_of
 from parallel_robot_model.common.errors import InputError, UnknownNameError, optional
+from parallel_robot_model.common.options import path, paths
+from parallel_robot_model.configuration.config import Place, Places
 
 # Frames as a file: MP4 by PyAV, GIF by Pillow.
 
@@ -106,48 +107,67 @@ class Video(NamedTuple):
     frames: int  # number of its frames
     magnified: float  # by how much errors of the path are magnified
 
+    def __str__(self) -> str:
+        """What the command prints."""
+        frames = f'{self.frames} frames, errors magnified {self.magnified:g} times'
+        return f'video   {self.path}, {frames}\n'
 
-def make(
-    bags: Sequence[Path],
-    out: Path,
+
+def video(
+    bags: Places,
+    out: Place,
+    *,
     rate: float = RATE,
     speed: float = 1.0,
     magnify: float | None = None,
-    code: RobotCode = NONE,
-    view: BagView = AS_RECORDED,
+    trust: bool = False,
+    **options: Any,
 ) -> Video:
-    """Write the video of some bags.
+    """Write a video of the moving robot, as ``parallel_robot video`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.5), 'runs/video_of')
+    >>> pr.video('runs/video_of', 'runs/smc.gif', rate=4).frames
+    3
 
     Args:
-        bags: Directories of the bags, or one file of each.
+        bags: A bag, or up to 4, side by side.
         out: Its file, .mp4 or .gif, which must not exist.
-        rate: Frames of a second of the video [Hz].
-        speed: Seconds of the motion in a second of the video.
-        magnify: By how much errors of the path are magnified; None: as much as they fill the view.
-        code: What may run to know their robots.
-        view: What bags do not say themselves, and which part is wanted.
+        rate: Frames of a second of the video [Hz]; default: 25.
+        speed: Times real time, e.g. 0.1 for slow motion; default: 1.
+        magnify: By how much errors of the path are magnified, the same for all bags; default: as
+            much as they fill the view.
+        trust: Whether the code of the robots that bags hold runs, with all your rights; on a
+            terminal, it is shown first.
+        options: What bags do not say themselves, see ``load``, and keys of their configuration,
+            such as `custom_robots`, files that take the place of those in bags.
+
+    Returns:
+        Its path, the number of its frames, and by how much errors are magnified.
 
     Raises:
         InputError: a value is wrong, bags are too many or no bags, or the file cannot be written.
         RunError: the disk is full.
     """
-    check_format(out.suffix)
-    output.check_new(out, '--out')
+    found, place, asked = paths('a bag', bags), path('out', out), view(**options)
+    code = code_of(trust, asked)
+    check_format(place.suffix)
+    output.check_new(place, '--out')
     _check('--rate', rate, *RATES, 'Hz')
     _check('--speed', speed, *SPEEDS)
     if magnify is not None:
         _check('--magnify', magnify, *MAGNIFICATIONS)
-    if len(bags) > MOST:
-        raise InputError(f'a video takes up to {MOST} bags, not {len(bags)}')
-    runs = list(itertools.chain(*read_runs(bags, code, view).values()))
-    times = frame_times(runs, rate, speed, MOST_FRAMES[out.suffix])
+    if len(found) > MOST:
+        raise InputError(f'a video takes up to {MOST} bags, not {len(found)}')
+    runs = list(itertools.chain(*read_runs(found, code, asked).values()))
+    times = frame_times(runs, rate, speed, MOST_FRAMES[place.suffix])
     magnified = magnify or magnification(runs)
     scenes = [scene(run, times, magnified) for run in runs]
-    frames = tracked(video.frames(scenes, times, magnified), len(times), 'frames')
-    last = video.frames(scenes, times[-1:], magnified)
-    with output.growing(out) as stream:
-        encode(frames, out.suffix, rate, last, stream)
-    return Video(out, len(times), magnified)
+    pictures = tracked(frames(scenes, times, magnified), len(times), 'frames')
+    last = frames(scenes, times[-1:], magnified)
+    with output.growing(place) as stream:
+        encode(pictures, place.suffix, rate, last, stream)
+    return Video(place, len(times), magnified)
 
 
 def _check(option: str, value: Any, least: float, most: float, unit: str = '') -> None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, TypeVar
@@ -35,8 +37,10 @@ from parallel_robot.bags.messages import planned_motion
 from parallel_robot.bags.messages.message_types import Messages as Messages
 from parallel_robot_control.configuration import load, resolve
 from parallel_robot_model.common.errors import BagError, InputError, UnknownNameError
+from parallel_robot_model.common.options import named
 from parallel_robot_model.configuration import config, plain_data
-from parallel_robot_model.messages.topics import RECORDED, REFERENCE, Topic
+from parallel_robot_model.configuration.config import Changes, changes
+from parallel_robot_model.messages.topics import RECORDED, REFERENCE, Topic, full
 from parallel_robot_model.robots.registry import robot_of
 
 # How a bag is read that does not say all itself: its topics, its robot, a part of its run.
@@ -139,45 +143,82 @@ class BagView(NamedTuple):
 AS_RECORDED = BagView()
 
 
+OF_BAG = ('topic', 'namespace', 'joints', 'scenario', 'override', 'start', 'stop')
+
+
 def view(
-    topics: Mapping[str, str],
-    namespace: str | None,
-    joints: Iterable[str],
-    scenario: str | None,
-    values: Mapping[str, Any],
-    override: bool,
-    window: tuple[float | None, float | None] = (None, None),
+    *,
+    topic: Mapping[str, str] | None = None,
+    namespace: str | None = None,
+    joints: Iterable[str] = (),
+    scenario: str | Path | None = None,
+    override: bool = False,
+    start: float | None = None,
+    stop: float | None = None,
+    param_file: Changes = None,
+    **values: Any,
 ) -> BagView:
-    """How a bag is to be read, by options that are checked.
+    """How a bag is to be read, by what it does not say itself.
 
     Args:
-        topics: Name of a topic of the suite, or the last word of it, to that of the bag.
-        namespace: Of the robot.
-        joints: Names of its joints in the bag, in the order of those of the robot.
-        scenario: What a bag without a configuration is of.
+        topic: Topic of the bag in place of one of the suite, by the name of this or its last word,
+            e.g. joint_states=/robot1/joint_states, reference, commands; may be repeated.
+        namespace: Of the robot, in a bag of several.
+        joints: Names of the joints in the bag, in the order of those of the robot.
+        scenario: What a bag without a configuration is of; default: paper_circle.
+        override: Whether `scenario`, `joints`, `param_file` and keys of the configuration take the
+            place of what a bag says.
+        start: First time of the part that is read [s]; default: all.
+        stop: Last time of the part that is read [s]; default: all.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values.
-        override: Whether scenario, joints and values take the place of what a bag says.
-        window: First and last time of the part that is read [s].
 
     Raises:
         InputError: one of them is wrong.
     """
-    named = {}
-    for name, full in topics.items():
+    given = changes(param_file, values)
+    topics, names = topic or {}, list(_listed('joints', joints))
+    if not (isinstance(topics, Mapping) and {*map(type, topics.values())} <= {str}):
+        raise InputError(f'topic must be names with topics of the bag, not {topics!r}')
+    if not isinstance(namespace, str | None):
+        raise InputError(f'namespace must be text, not {namespace!r}')
+    found = {}
+    for name, place in topics.items():
         if name.strip('/') not in NAMES:
             raise UnknownNameError('topic', name, NAMES)
-        if not full.strip('/'):
+        if not place.strip('/'):
             raise InputError(f'--topic {name}= needs the name of a topic')
-        named[NAMES[name.strip('/')].name] = f'/{full.strip("/")}'
-    given = list(joints)
-    if given:
-        if 'joints' in values and list(values['joints']) != given:
-            raise InputError(f'--joints {",".join(given)} and joints={values["joints"]} differ')
-        values = {**values, 'joints': given}
-    begin, end = window
+        found[NAMES[name.strip('/')].name] = f'/{place.strip("/")}'
+    if names:
+        if 'joints' in given and list(given['joints']) != names:
+            raise InputError(f'--joints {",".join(names)} and joints={given["joints"]} differ')
+        given = given | {'joints': names}
+    begin, end = _time('start', start), _time('stop', stop)
     if begin is not None and end is not None and not begin < end:
         raise InputError(f'--from {begin:g} must be before --to {end:g}')
-    return BagView(named, namespace, scenario, values, override=override, start=begin, stop=end)
+    return BagView(
+        found,
+        None if namespace is None else full(namespace),
+        None if scenario is None else named('scenario', scenario),
+        given,
+        override=bool(override),
+        start=begin,
+        stop=end,
+    )
+
+
+def _listed(name: str, given: Any) -> Iterable[Any]:
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f'{name} must be a list of names, not {given!r}')
+    return given
+
+
+def _time(name: str, given: Any) -> float | None:
+    if given is None:
+        return None
+    if isinstance(given, bool) or not isinstance(given, Real) or not math.isfinite(given):
+        raise InputError(f'{name} must be a time in s, not {given!r}')
+    return float(given)
 
 
 def _as_text(value: Any) -> str:

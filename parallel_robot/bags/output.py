@@ -255,12 +255,20 @@ def as_it_is(stream: TextIO) -> TextIO:
     return stream.stream if isinstance(stream, PrintableStream) else stream
 
 
+interactive = False  # whether a command runs, whose user is told what Python's is not
+
+
 @contextlib.contextmanager
 def printable_output() -> Iterator[None]:
-    """Keep escape sequences in untrusted names and texts off the terminal."""
-    out, err = PrintableStream(sys.stdout), PrintableStream(sys.stderr)
+    """Keep escape sequences in untrusted names and texts off the terminal of a command."""
+    global interactive
+    out, err, before = PrintableStream(sys.stdout), PrintableStream(sys.stderr), interactive
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-        yield
+        interactive = True
+        try:
+            yield
+        finally:
+            interactive = before
 
 
 # Progress of long work: a bar on a terminal that is removed at the end, nothing in a pipe.

@@ -18,6 +18,7 @@ from importlib.machinery import PathFinder
 from pathlib import Path
 from typing import Any
 
+from parallel_robot.bags import output
 from parallel_robot.bags.limits import NAME, SOURCE, SOURCES
 from parallel_robot_control.foreign import law
 from parallel_robot_model.common.errors import BagError, InputError
@@ -211,11 +212,11 @@ def custom_files(
     values: Mapping[str, Any],
     directory: Path,
     trust: bool,
-    told: bool = True,
 ) -> dict[str, list[str]]:
     """Write the custom laws, robot and trajectory of a bag to files, if they may run.
 
-    They may run when the user says so or has noted their digests: the first words of the lines of
+    On a command line the user is told what runs and, on a terminal, asked once more. They may run
+    when the user says so or has noted their digests: the first words of the lines of
     ``~/.config/parallel_robot/trusted_laws``, as ``sha256sum`` writes them.
 
     Args:
@@ -224,7 +225,6 @@ def custom_files(
         values: Its configuration: other robots and trajectories than it names are left out.
         directory: Where to write them.
         trust: Whether the user allowed it.
-        told: Whether the user is told what runs and, on a terminal, asked once more.
 
     Returns:
         The files by key of the configuration.
@@ -265,10 +265,10 @@ def custom_files(
             f'{bag}: {name}.py', source
         )
     _refuse_near_modules(bag, texts)
-    if told and count and sys.stdin.isatty() and sys.stderr.isatty():
+    if output.interactive and count and sys.stdin.isatty() and sys.stderr.isatty():
         _ask(texts)
     names = [name for found in used.values() for name in found]
-    if told and names:
+    if output.interactive and names:
         print(f'runs the code of {", ".join(names)}, which the bag holds', file=sys.stderr)
     return {key: _write(found, directory / key) for key, found in used.items()}
 

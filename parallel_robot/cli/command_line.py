@@ -15,7 +15,6 @@ import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from parallel_robot.bags.output import MAX_LINE_LENGTH, printable_output, spell
@@ -120,11 +119,19 @@ COMMANDS = {
 }
 
 
+FUNCTIONS = (  # commands of the functions of their names
+    'benchmark', 'calibrate', 'export', 'identify', 'limit', 'recover', 'replay', 'report',
+    'sweep', 'tune', 'urdf', 'verify', 'video',
+)  # fmt: skip
 ABOVE = {'live': 'parallel_robot.live.command'}  # commands of packages above this one
 
 
-def module_of(command: str) -> ModuleType:
-    """The module of a subcommand; all of them together take a third of a second to import."""
+def module_of(command: str) -> Any:
+    """The module of a subcommand, or a Command; together they take long to import."""
+    if command in FUNCTIONS:
+        from parallel_robot.cli.from_function import command_of  # other commands take less time
+
+        return command_of(command)
     return import_module(ABOVE.get(command, f'parallel_robot.cli.commands.{command}'))
 
 

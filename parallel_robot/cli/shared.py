@@ -6,182 +6,88 @@ import argparse
 import json
 import math
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from parallel_robot.analysis import evaluated_bag, readable_metrics, run_results, timing
 from parallel_robot.analysis.evaluated_bag import EvaluatedBag
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.analysis.timing import Timing
 from parallel_robot.bags import history
-from parallel_robot.bags.bag_reader import AS_RECORDED, NAMES, BagView, view
+from parallel_robot.bags.bag_reader import AS_RECORDED
 from parallel_robot.bags.limits import TRUSTED
 from parallel_robot.bags.run import recorded_robot, run_log, run_windows
-from parallel_robot.bags.run.recorded_robot import KEY, RobotCode
+from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot_model.common import tables
-from parallel_robot_model.common.errors import InputError
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration import config, yaml_file
 from parallel_robot_model.configuration.loop import length
-from parallel_robot_model.messages.topics import add_namespace_argument, full
+from parallel_robot_model.configuration.plain_data import LocatedDict
 
-if TYPE_CHECKING:
-    from parallel_robot.studies.sweep.workers import Workers
+# What changes the configuration, on a command line.
+
+
+def add_set_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare what changes the configuration: ``--param-file`` and ``--set``."""
+    parser.add_argument(
+        '--param-file',
+        action='append',
+        default=[],
+        type=Path,
+        metavar='FILE',
+        help='YAML file with keys of the configuration, also as ROS has them; may be repeated, '
+        'the later wins',
+    )
+    parser.add_argument(
+        '--set',
+        action='append',
+        default=[],
+        dest='assignments',
+        metavar='KEY=VALUE',
+        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated and wins '
+        'over --param-file',
+    )
+
+
+def layers(arguments: argparse.Namespace) -> list[Path | LocatedDict]:
+    """What ``--param-file`` and ``--set`` say: files, and what wins over them."""
+    assigned = yaml_file.parse_assignments(arguments.assignments)
+    return [*arguments.param_file, LocatedDict(assigned)]
+
+
+def given(arguments: argparse.Namespace) -> LocatedDict:
+    """What ``--param-file`` and ``--set`` change together.
+
+    Raises:
+        InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
+    """
+    return config.changes(layers(arguments), {})
+
 
 # The part of a run that figures are of, on a command line.
 
-OF_FIGURES = (
-    'time of the part that all figures are of, default: errors are those of the second half of '
-    'the motion'
-)
 
-
-def add_window_arguments(parser: argparse.ArgumentParser, text: str = OF_FIGURES) -> None:
-    """Declare ``--from`` and ``--to``; `text` says what they choose."""
+def add_window_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare ``--from`` and ``--to``."""
     for name, dest, end in (('--from', 'start', 'first'), ('--to', 'stop', 'last')):
         parser.add_argument(
             name,
             dest=dest,
-            type=_time,
+            type=time_on_line,
             metavar='S',
-            help=f'{end} {text}',
+            help=f'{end} time of the part that all figures are of, default: errors are those of '
+            'the second half of the motion',
         )
 
 
-def _time(text: str) -> float:
+def time_on_line(text: str) -> float:
     """A time [s]."""
     found = number(text)
     if not math.isfinite(found):
         raise argparse.ArgumentTypeError(f'a time in s is wanted, not {text!r}')
     return found
-
-
-# How a bag is to be read, on a command line: the same options for all commands that read one.
-
-NOT_IN_FOREIGN = 'none in a bag of somebody else; --figure FILE draws one'
-
-
-def add_bag_arguments(parser: argparse.ArgumentParser, window: bool = True) -> None:
-    """Declare what a bag does not say itself, beside ``--param-file`` and ``--set``.
-
-    Args:
-        parser: Of the command.
-        window: Whether ``--from`` and ``--to`` are declared, too, and choose what is read.
-    """
-    parser.add_argument(
-        '--topic',
-        action='append',
-        default=[],
-        dest='topics',
-        metavar='NAME=TOPIC',
-        help='topic of the bag in place of one of the suite, e.g. '
-        'joint_states=/robot1/joint_states, reference=..., commands=...; may be repeated',
-    )
-    if not any(action.dest == 'namespace' for action in parser._actions):
-        add_namespace_argument(parser, 'of the robot, in a bag of several', None)
-    parser.add_argument(
-        '--joints',
-        metavar='A,B,C',
-        help='names of the joints in the bag, in the order of those of the robot',
-    )
-    if not any(action.dest == 'scenario' for action in parser._actions):
-        parser.add_argument(
-            '--scenario',
-            help='what a bag without a configuration is of, default: paper_circle',
-        )
-    parser.add_argument(
-        '--override',
-        action='store_true',
-        help='--scenario, --joints, --param-file and --set take the place of what a bag says',
-    )
-    if window:
-        add_window_arguments(parser, 'time of the part that is read, default: all')
-
-
-def bag_view(
-    arguments: argparse.Namespace, values: Mapping[str, Any], whole: bool = False
-) -> BagView:
-    """How a bag is to be read, by the arguments.
-
-    Args:
-        arguments: Of the command.
-        values: Keys of the configuration, of ``--param-file`` and ``--set``.
-        whole: Whether all is read, whatever ``--from`` and ``--to`` say.
-
-    Raises:
-        InputError: one of them is wrong.
-    """
-    joints = (arguments.joints or '').split(',')
-    return view(
-        _topics_of(arguments.topics),
-        None if arguments.namespace is None else full(arguments.namespace),
-        [name.strip() for name in joints if name.strip()],
-        arguments.scenario,
-        values,
-        arguments.override,
-        (arguments.start, arguments.stop),
-    )._replace(whole=whole)
-
-
-def _topics_of(words: list[str]) -> dict[str, str]:
-    """Topics by name, of words NAME=TOPIC."""
-    found = {}
-    for word in words:
-        name, equals, topic = word.partition('=')
-        if not equals:
-            names = ', '.join(list(NAMES)[:3])
-            raise InputError(f'--topic takes NAME=TOPIC, with a name as {names}, not {word!r}')
-        found[name.strip()] = topic.strip()
-    return found
-
-
-# The code of the robot of a bag, on a command line.
-
-
-def robot_code(arguments: argparse.Namespace, values: Mapping[str, Any]) -> RobotCode:
-    """What may run to know the robot of a bag.
-
-    Args:
-        arguments: Of the command.
-        values: What ``--set`` says.
-
-    Raises:
-        InputError: it is of no list of files.
-    """
-    return RobotCode(arguments.trust, tuple(config.absolute_modules(KEY, values.get(KEY, []))))
-
-
-# The options that say who runs the work of a command: processes here, or a cluster.
-
-
-def add_worker_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
-    parser.add_argument(
-        '--workers', type=int, metavar='N', help='processes, default: one for each core'
-    )
-    parser.add_argument(
-        '--scheduler', metavar='ADDRESS', help='run on the cluster of this dask scheduler instead'
-    )
-
-
-def workers_of(arguments: argparse.Namespace) -> tuple[Callable[[], Workers], int]:
-    """What makes those who run the work, and how many they are.
-
-    Raises:
-        InputError: the options do not fit together.
-    """
-    # Studies take long to load, and few commands have workers.
-    from parallel_robot.studies.sweep.sweep import default_workers, worker_count
-    from parallel_robot.studies.sweep.workers import Cluster, Processes
-
-    if arguments.scheduler is not None:
-        if arguments.workers is not None:
-            raise InputError('--workers is for processes on this machine, not for --scheduler')
-        return lambda: Cluster(arguments.scheduler), 2 * default_workers()
-    count = worker_count(arguments.workers, '--workers')
-    return lambda: Processes(count), count
 
 
 # The option ``--format``: results as text, JSON, Markdown or LaTeX.

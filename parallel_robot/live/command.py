@@ -14,8 +14,8 @@ from typing import Any
 from parallel_robot.bags import output
 from parallel_robot.bags.trust import add_trust_argument
 from parallel_robot.cli.commands import run
-from parallel_robot.cli.commands.simulate import add_set_argument, given
-from parallel_robot.cli.shared import add_bag_arguments, bag_view
+from parallel_robot.cli.from_function import VIEW_OF_BAG
+from parallel_robot.cli.shared import given
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, StoppedError, optional
 from parallel_robot_model.configuration.plain_data import with_location
@@ -52,9 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='S',
         help='with --run: seconds of motion, default: no end',
     )
-    add_set_argument(parser)
     add_namespace_argument(parser, 'of the robot, default: the first that is heard', None)
-    add_bag_arguments(parser)
+    VIEW_OF_BAG.add_arguments(parser)
     parser.add_argument(
         '--host',
         default=HOST,
@@ -84,7 +83,7 @@ def execute(arguments: argparse.Namespace) -> int:
         raise InputError(f'{next(iter(changed))} can be set with --run or --bag alone')
     if arguments.bag is None:
         for option, given_ in (
-            ('--topic', arguments.topics),
+            ('--topic', arguments.topic),
             ('--joints', arguments.joints),
             ('--scenario', arguments.scenario),
             ('--override', arguments.override),
@@ -121,7 +120,7 @@ def execute(arguments: argparse.Namespace) -> int:
                     stack,
                     arguments.bag,
                     arguments.trust,
-                    bag_view(arguments, changed),
+                    VIEW_OF_BAG.call(arguments),
                 )
             else:
                 source = _graph(stack, arguments, changed, namespace)

@@ -1,4 +1,4 @@
-"""Metrics, pictures, bags and sweeps from Python, for scripts and notebooks."""
+"""Metrics, pictures and bags from Python, for scripts and notebooks."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from parallel_robot.analysis import metrics as evaluation
 from parallel_robot.analysis import pictures, readable_metrics, recorded_motions
@@ -26,18 +24,12 @@ from parallel_robot.analysis.readable_metrics import (
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import AUTO, law_label
 from parallel_robot.analysis.table import sliding_variable
+from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.history import LIMIT_TEXT
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recorded_robot
 from parallel_robot.bags.writing import simulation_bag
-from parallel_robot.python import arguments
 from parallel_robot.studies.sweep import store
-from parallel_robot.studies.sweep.plan import plan
-from parallel_robot.studies.sweep.store import RUNS
-from parallel_robot.studies.sweep.study import file_of, parse, read
-from parallel_robot.studies.sweep.sweep import sweep as run_sweep
-from parallel_robot.studies.sweep.sweep import worker_count
-from parallel_robot.studies.sweep.workers import Processes
 from parallel_robot_control import law_loader
 from parallel_robot_control.messages import NO_FAULT
 from parallel_robot_model.common.errors import (
@@ -48,11 +40,13 @@ from parallel_robot_model.common.errors import (
     RunError,
     pandas,
 )
+from parallel_robot_model.common.options import path
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS, JointUnits, all_of
+from parallel_robot_model.configuration.config import Changes, Place
 from parallel_robot_model.messages.topics import SLIDING_VARIABLE
 from parallel_robot_sim.motions import Motions, of_simulation
-from parallel_robot_sim.scenario_run import Run, named, simulate
+from parallel_robot_sim.scenario_run import Run, simulate
 
 RESOLUTION = 70  # dots per inch of a picture in a notebook
 
@@ -85,16 +79,15 @@ class Picture:
 
 
 def load(
-    bag: str | Path,
+    bag: Place,
     *,
     memory: int = MEMORY,
     trust: bool = False,
-    custom_robots: Sequence[str | Path] = (),
     topic: Mapping[str, str] | None = None,
     namespace: str | None = None,
     joints: Sequence[str] = (),
-    scenario: str | Path | None = None,
-    param_file: str | Path | Iterable[str | Path] | None = None,
+    scenario: Place | None = None,
+    param_file: Changes = None,
     override: bool = False,
     start: float | None = None,
     stop: float | None = None,
@@ -111,39 +104,37 @@ def load(
         bag: Directory of the bag, or its MCAP file.
         memory: What may be held of it [bytes].
         trust: Whether the code of its robot may run, where the bag holds it: with all your rights.
-        custom_robots: Files of robots of yours, which take the place of that in the bag.
         topic: Topics of the bag in place of those of the suite, e.g.
             ``{'joint_states': '/robot1/joint_states'}``.
         namespace: Of the robot, in a bag of several.
         joints: Names of the joints in the bag, in the order of those of the robot.
         scenario: What a bag without a configuration is of; default: ``paper_circle``.
-        param_file: YAML file with keys of the configuration of such a bag, or several.
+        param_file: YAML file or mapping of keys of the configuration of such a bag, or several.
         override: Whether scenario, joints, file and values take the place of what a bag says.
         start: Time from which on it is read [s]; default: from the first state.
         stop: Time up to which it is read [s]; default: to the last state.
-        values: Keys of the configuration of a bag without one, and their values.
+        values: Keys of the configuration of a bag without one, and their values; of any bag
+            ``custom_robots``, files of robots of yours, which take the place of that in the bag.
 
     Raises:
         BagError: not a bag, or one that is not of a run or takes too much; or its robot is in
             neither bag nor files.
         InputError: a file is not a robot, or `bag` is no path.
     """
-    bag = arguments.path('bag', bag)
-    code = recorded_robot.chosen(trust, custom_robots)
-    given: dict[str, Any] = {
-        'topic': topic,
-        'namespace': namespace,
-        'joints': joints,
-        'scenario': scenario,
-        'param_file': param_file,
-        'override': override,
-        'start': start,
-        'stop': stop,
+    bag = path('bag', bag)
+    asked = view(
+        topic=topic,
+        namespace=namespace,
+        joints=joints,
+        scenario=scenario,
+        override=override,
+        start=start,
+        stop=stop,
+        param_file=param_file,
         **values,
-    }
-    log, past, extra = recorded_robot.read(
-        bag, memory, code, (SLIDING_VARIABLE,), view=arguments.view(given)
     )
+    code = recorded_robot.code_of(trust, asked)
+    log, past, extra = recorded_robot.read(bag, memory, code, (SLIDING_VARIABLE,), asked)
     law_loader.learn_titles(past.sources['custom_laws'])
     try:
         part = recorded_motions.of_bag(log, past)
@@ -349,60 +340,6 @@ def plot(runs: Run | Iterable[Run] | Mapping[str, Run], *, scale: str = AUTO) ->
         raise InputError(f'plot takes up to {len(pictures.RUNS)} runs, not {len(named)}')
     drawn = {name: (run, motions_of(run).best) for name, run in named.items()}
     return Picture(figures.figure_of_runs(drawn, scale))
-
-
-def sweep(
-    study: str | Path | Mapping[str, Any],
-    out: str | Path,
-    *,
-    runs: int | None = None,
-    laws: Sequence[str | Path] | None = None,
-    workers: int | None = None,
-    **values: Any,
-) -> Frame:
-    """Run a study on several cores, or what is left of it, as ``parallel_robot sweep`` does.
-
-    >>> import parallel_robot as pr
-    >>> study = {'scenarios': ['paper_circle'], 'laws': ['smc', 'pid'], 'runs': 1, 'duration': 0.1}
-    >>> pr.sweep(study, 'runs/swept', workers=1).law.tolist()
-    ['smc', 'pid']
-
-    Args:
-        study: File of a study, name of one in ``config/studies``, or its keys and values.
-        out: Directory of the results; new, or that of the same sweep, which is continued.
-        runs: Runs of each law and scenario; default: the study's.
-        laws: In place of the study's, names or files; a name of one of these keeps its gains.
-        workers: Processes; default: one for each core.
-        values: Keys of the configuration and their values in all runs.
-
-    Returns:
-        The table of the runs, one row each, as a pandas.DataFrame; see docs/studies.md.
-
-    Raises:
-        InputError: something in the study or in the arguments is wrong.
-        RunError: workers cannot run it, or the disk is full; finished rows are kept.
-    """
-    frames = pandas()
-    if isinstance(study, Mapping):
-        try:
-            text = yaml.safe_dump(dict(study), sort_keys=False)
-        except yaml.YAMLError:
-            what = 'study must hold plain numbers, texts, lists and mappings'
-            raise InputError(what) from None
-        name, folder = 'study', None
-    elif isinstance(study, str | Path):
-        file = file_of(str(study))
-        text, name, folder = read(file), str(file), file.parent
-    else:
-        raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
-    listed = None if laws is None else [named('law', law) for law in laws]
-    names = None if listed is None else [*map(law_loader.name_of, listed)]
-    files = law_loader.files_of(listed or (), values)
-    asked = parse(text, name, folder, names).changed(runs, values | files)
-    count = worker_count(workers, 'workers')
-    directory = arguments.path('out', out)
-    run_sweep(plan(asked), asked.text, directory, Processes(count), count)
-    return frames.read_parquet(directory / RUNS)
 
 
 def _named(

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,12 +10,14 @@ import numpy as np
 from parallel_robot.analysis.metrics import figures
 from parallel_robot.python.notebook import motions_of
 from parallel_robot_model.common.errors import Frame, InputError, UnknownNameError, pandas
+from parallel_robot_model.common.options import named
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.fields import group
 from parallel_robot_model.robots import poses
 from parallel_robot_model.robots.joint_load import FrictionParameters
 from parallel_robot_model.robots.poses import StateSpace
 from parallel_robot_model.robots.registry import robot_of
-from parallel_robot_sim.scenario_run import Run, changes, named
+from parallel_robot_sim.scenario_run import Run
 from trajectory_gen.configuration import resolve
 
 LONG = 1.0  # s, of the segments that are averaged: lines are 1 Hz apart
@@ -75,10 +76,10 @@ def spectrum(
 
 
 def linearise(
-    scenario: str | Path,
+    scenario: Place,
     pose: Sequence[float] | None = None,
     *,
-    param_file: str | Path | Iterable[str | Path] | None = None,
+    param_file: Changes = None,
     **values: Any,
 ) -> StateSpace:
     """The robot of a scenario at rest in a pose as x' = A x + B u, y = C x + D u.
@@ -95,7 +96,7 @@ def linearise(
     Args:
         scenario: Name of a scenario, or the path of a YAML file.
         pose: The pose, m numbers; default: ``plant.initial_pose``.
-        param_file: YAML file with keys of the configuration, or several; later ones win.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values; they win over `param_file`.
 
     Raises:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -85,12 +86,11 @@ def combination(shares: Array, names: Sequence[str], least: float) -> str:
     return ' '.join(f'{share:+.2f} {name}' for share, name in bracketed)
 
 
-# Options of how a bag is read, which a design has not.
-OF_BAG = ('topic', 'namespace', 'joints', 'override', 'from', 'to')
-
-
 class WrittenResult(ShownResult):
     """A result that is some keys of the configuration."""
+
+    content = 'robot'  # what they are
+    files: Mapping[str, Path] = MappingProxyType({})  # what was written
 
     def groups(self) -> dict[str, dict[str, Any]]:
         """The keys and their values, by group."""
@@ -121,6 +121,12 @@ class WrittenResult(ShownResult):
                 written.enter_context(output.written(out, self._content().encode()))
             if figure:
                 self.save_figure(figure)
+        files = {self.content: out, 'figure': figure}
+        self.files = {name: path for name, path in files.items() if path}
+
+    def file_lines(self) -> list[str]:
+        """The files that were written."""
+        return [f'{name:<7} {path}' for name, path in self.files.items()]
 
     def _content(self) -> str:
         comment = ''.join(f'# {line}\n' for line in self.header())
@@ -141,13 +147,13 @@ class WrittenResult(ShownResult):
         pictures.save(self.draw(), path)
 
 
-def check_files(out: Path | None, figure: Path | None, option: str = '--out') -> None:
-    """Refuse files of results that exist or cannot be made; `option` names the first one.
+def check_files(out: Path | None, figure: Path | None = None) -> None:
+    """Refuse files of results that exist or cannot be made.
 
     Raises:
         InputError: with the reason.
     """
     if out:
-        output.check_new(out, option)
+        output.check_new(out, '--out')
     if figure:
         pictures.check_new(figure)

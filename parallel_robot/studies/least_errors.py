@@ -4,20 +4,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from parallel_robot.analysis.pictures import RUNS, save, stacked
+from parallel_robot.analysis.pictures import RUNS, check_new, save, stacked
 from parallel_robot.analysis.readable_metrics import shown
+from parallel_robot.bags import output
 from parallel_robot.bags.output import tracked, without_mathematics
 from parallel_robot.studies.calm import CAUSES, NEGLIGIBLE, REST, WHOLE, LeastError, least_error
 from parallel_robot_control.configuration import resolve
-from parallel_robot_model.common.errors import InputError
-from parallel_robot_model.common.tables import Part, Table, comma_separated
+from parallel_robot_model.common.errors import Frame, InputError, pandas
+from parallel_robot_model.common.options import named, optional_path
+from parallel_robot_model.common.tables import (
+    Part,
+    ShownResult,
+    Table,
+    comma_separated,
+    returning,
+)
 from parallel_robot_model.common.units import HINGES, JointUnits, all_of
 from parallel_robot_model.configuration import config, plain_data
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.config_files import (
     MAX_BASES,
     absolute_scenario,
@@ -74,7 +84,8 @@ TRAVELLED = 'travelled while a state is late'
 GEOMETRY = 'joints exact, geometry as it is'
 
 
-class LeastErrors(NamedTuple):
+@dataclass(frozen=True, repr=False)
+class LeastErrors(ShownResult):
     """The least errors of some robots."""
 
     members: Mapping[str, list[LeastError]]  # name of a scenario to its robots
@@ -84,6 +95,8 @@ class LeastErrors(NamedTuple):
     units: JointUnits = HINGES  # units of the joints of all robots
     # weight of joints that the error does not see in the price of calm, relative
     rest: float = REST
+    out: Path | None = None  # file of the rows
+    figure: Path | None = None  # that of the picture
 
     def parts(self) -> list[Part]:
         """The tables."""
@@ -110,6 +123,23 @@ class LeastErrors(NamedTuple):
                 rows.append([scenario, k, *causes, *prices])
         return [*map(self.units.key, head)], rows
 
+    def as_data(self) -> list[dict[str, Any]]:
+        """The rows as plain data."""
+        head, rows = self.rows()
+        return [dict(zip(head, row, strict=True)) for row in rows]
+
+    def frame(self) -> Frame:
+        """The rows as a pandas.DataFrame."""
+        head, rows = self.rows()
+        frame: Frame = pandas().DataFrame(rows, columns=head)
+        frame.attrs['warnings'] = self.warnings
+        return frame
+
+    def file_lines(self) -> list[str]:
+        """The files that were written."""
+        files = {'rows': self.out, 'figure': self.figure}
+        return [f'{name:8}{path}' for name, path in files.items() if path]
+
     def csv(self) -> str:
         """The rows as comma-separated values."""
         head, rows = self.rows()
@@ -124,6 +154,64 @@ class LeastErrors(NamedTuple):
         """
         error = 'end-effector error, rms [µm]' if self.planar else 'joint error, rms [µrad]'
         save(draw(self.members, self.units.label(error), self.units), path)
+
+
+@returning(LeastErrors.frame, pandas)
+def limit(
+    scenario: Place,
+    *,
+    runs: int | None = None,
+    duration: float | None = None,
+    out: Place | None = None,
+    calm: bool = False,
+    rest: float = REST,
+    figure: Place | None = None,
+    param_file: Changes = None,
+    **values: Any,
+) -> LeastErrors:
+    """Compute the least error that any controller can have, as ``parallel_robot limit`` does.
+
+    >>> import parallel_robot as pr
+    >>> noise = {'disturbance.noise': 0.1, 'sensor.delay': 0.002}
+    >>> found = pr.limit('axes_step', duration=1, **noise)
+    >>> (1e9 * found[['as_it_is_rad', 'without_delays_rad']]).round().values.tolist()
+    [[1435.0, 243.0]]
+
+    Args:
+        scenario: Name or file of a scenario; or of a study, of which it is asked for all robots.
+        runs: Robots of each scenario of a study; default: the study's.
+        duration: Length of the motion of a scenario [s]; default: its own.
+        out: CSV file with one row for each robot, which must not exist; default: none.
+        calm: Whether the least errors with at most some chattering are asked for, too.
+        rest: Weight of joints that the error does not see, as a rotation, in these; 1: as of the
+            place; default: 0.0001.
+        figure: Picture of these, .png, .pdf or .svg, which must not exist; default: none.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values.
+
+    Returns:
+        A pandas.DataFrame with one row a robot, the root mean square error over the second half
+        of its motion without some of the causes, as `out` has it; ``attrs['warnings']`` says what
+        to know of them.
+
+    Raises:
+        InputError: something is wrong in the arguments, or pandas is not installed.
+    """
+    file, picture = optional_path('out', out), optional_path('figure', figure)
+    if file:
+        output.check_new(file, '--out')
+    if picture:
+        check_new(picture)
+    name, changed = named('scenario', scenario), changes(param_file, values)
+    assigned = changed.get('duration', duration)
+    if duration is not None and 'duration' not in changed.locations and assigned != duration:
+        raise InputError(f'--duration {duration} and --set duration={assigned} differ; give one')
+    found = compute(name, changed, runs, duration, calm or picture is not None, rest)
+    if file:
+        output.save(file, found.csv().encode())
+    if picture:
+        found.save_figure(picture)
+    return replace(found, out=file, figure=picture)
 
 
 def compute(

@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from parallel_robot.bags.output import tracked
 from parallel_robot.studies import file_in_engine
 from parallel_robot.studies.file_in_engine import Compared
 from parallel_robot_control.configuration import resolve as resolve_control
-from parallel_robot_model.common.errors import InputError, RunError
+from parallel_robot_model.common.errors import Frame, InputError, RunError, pandas, printable
+from parallel_robot_model.common.tables import Part, ShownResult, Table, returning
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.configuration.config import Changes, changes, layers
+from parallel_robot_model.configuration.config_files import machine_file
 from parallel_robot_model.configuration.plain_data import merged
 from parallel_robot_model.mechanisms.description.machine import Machine
 from parallel_robot_model.robots.described.default_values import at_home
@@ -23,7 +29,7 @@ from parallel_robot_model.robots.registry import (
     resolve,
     robot_of,
 )
-from parallel_robot_model.robots.robot_checks import RATE, Check, checks
+from parallel_robot_model.robots.robot_checks import FINE, RATE, Check, checks
 from parallel_robot_sim.configuration import configure_plant
 from parallel_robot_sim.mujoco_machine import MujocoMachine
 from parallel_robot_sim.mujoco_model import MujocoRobot
@@ -60,27 +66,17 @@ class Difference(NamedTuple):
     path: float  # length of the motion of the pose, largest coordinate [m] or [rad]
 
 
-def check_numbers(robots: int, seed: int, duration: float, before: str = '') -> None:
-    """Refuse numbers with which nothing can be compared.
-
-    Args:
-        robots: Robots of each kind.
-        seed: Of all that is random.
-        duration: Of each motion [s].
-        before: What stands before their names in messages.
-
-    Raises:
-        InputError: one is wrong.
-    """
+def _check_numbers(robots: int, seed: int, duration: float) -> None:
+    """Refuse numbers with which nothing can be compared."""
     if not isinstance(robots, int) or robots < 1:
-        raise InputError(f'{before}robots must be at least 1, not {robots}')
+        raise InputError(f'--robots must be at least 1, not {robots}')
     if not isinstance(seed, int) or seed < 0:
-        raise InputError(f'{before}seed must not be negative, not {seed}')
+        raise InputError(f'--seed must not be negative, not {seed}')
     if not 0.001 <= duration <= 10.0:
-        raise InputError(f'{before}duration must be 0.001 to 10 s, not {duration:g}')
+        raise InputError(f'--duration must be 0.001 to 10 s, not {duration:g}')
 
 
-def verify(kind: str, numbers: Iterable[int], seed: int, duration: float) -> list[Difference]:
+def verify_kind(kind: str, numbers: Iterable[int], seed: int, duration: float) -> list[Difference]:
     """Compare random robots of a kind, each from a random pose under random torques.
 
     Args:
@@ -323,3 +319,175 @@ def _drawn_machine(
         'friction.viscous': inertia * random.uniform(*DAMPING, inertia.shape),
     }
     return values_of(merged([given, changes]))
+
+
+# All of them as one function, and what came of it.
+
+TOLERANCE = 1e-9  # m or rad
+ROBOTS, DURATION = 10, 1.0
+
+
+@dataclass(frozen=True, repr=False)
+class AgainstMujoco(ShownResult):
+    """Plants against MuJoCo."""
+
+    differences: Mapping[str, list[Difference]]  # of the robots of each kind
+    duration: float  # of each motion [s]
+
+    def as_data(self) -> list[dict[str, Any]]:
+        """The worst robot of each kind."""
+        worst = {
+            kind: max(found, key=lambda difference: difference.largest)
+            for kind, found in self.differences.items()
+        }
+        return [
+            {
+                'kind': kind,
+                'robots': len(found),
+                'largest_difference': worst[kind].largest,
+                'robot': worst[kind].robot,
+                'least_path': min(difference.path for difference in found),
+                'agrees': worst[kind].largest < TOLERANCE,
+            }
+            for kind, found in self.differences.items()
+        ]
+
+    def parts(self) -> list[Part]:
+        """The same as a table."""
+        rows = [
+            [
+                each['kind'],
+                f'{each["largest_difference"]:.1e}',
+                f'{each["robot"]} of {each["robots"]}',
+                f'{each["least_path"]:.2g}',
+                'agrees' if each['agrees'] else f'more than {TOLERANCE:g}',
+            ]
+            for each in self.as_data()
+        ]
+        head = f'largest difference of the poses over {self.duration:g} s, [m] or [rad]'
+        columns = ['kind', 'difference', 'robot', 'least way', 'verdict']
+        return [head, Table(columns, rows, 'lrrrl')]
+
+    @property
+    def failed(self) -> bool:
+        """Whether one differs."""
+        return not all(row['agrees'] for row in self.as_data())
+
+    def frame(self) -> Frame:
+        """A row a robot."""
+        rows = [(kind, *each) for kind, found in self.differences.items() for each in found]
+        columns = ['kind', 'robot', 'largest_difference', 'path']
+        return pandas().DataFrame(rows, columns=columns)
+
+
+@dataclass(frozen=True, repr=False)
+class RobotChecks(ShownResult):
+    """The functions of one robot against each other, and against an engine."""
+
+    name: str
+    checks: list[Check]
+    file: Path | None  # its description, if it has one
+    against: str  # what this was held against, or why it was not
+    compared: list[Compared]  # of each quantity the largest difference
+
+    def as_data(self) -> list[dict[str, Any]]:
+        """A row a check."""
+        data = [
+            {'function': 'file', **each._asdict(), 'agrees': each.agrees} for each in self.compared
+        ]
+        return data + [each._asdict() | {'agrees': each.passes(FINE)} for each in self.checks]
+
+    def parts(self) -> list[Part]:
+        """Each check; of a described robot what differs."""
+        lines, rows = [], []
+        if self.file:
+            differ = [each.text() for each in self.compared if not each.agrees]
+            largest = max((each.share for each in self.compared), default=0.0)
+            verdict = f'differs: {"; ".join(differ)}' if differ else f'agrees, {largest:.1e}'
+            told = f'{printable(self.file.name)} beside {self.against}: {verdict}'
+            lines = [told if self.compared else self.against]
+        for check in self.checks:
+            known = math.isfinite(check.difference)
+            sizes = f'{check.difference:.2g}' if known else 'not finite', f'{check.size:.2g}'
+            verdict = 'agrees' if check.passes(FINE) else 'wrong'
+            rows.append([check.function, check.what, *sizes, verdict])
+        if self.file and all(row[-1] == 'agrees' for row in rows):
+            return [*lines, f'{self.name}: its functions agree with each other']
+        head = f'{self.name}: largest differences near plant.initial_pose'
+        columns = ['function', 'what', 'difference', 'of', 'verdict']
+        return [*lines, head, Table(columns, rows, 'llrrl')]
+
+    @property
+    def failed(self) -> bool:
+        """Whether one is wrong."""
+        return not all(row['agrees'] for row in self.as_data())
+
+    def frame(self) -> Frame:
+        """A row a check."""
+        rows: list[tuple[Any, ...]] = []
+        for each in self.compared:
+            what, apart = f'{each.what}, {each.where}', abs(each.here - each.there)
+            rows.append(('file', what, apart, each.size, each.agrees))
+        rows += [(*check, check.passes(FINE)) for check in self.checks]
+        columns = ['function', 'what', 'difference', 'size', 'agrees']
+        return pandas().DataFrame(rows, columns=columns)
+
+
+def _frame(found: AgainstMujoco | RobotChecks) -> Frame:
+    return found.frame()
+
+
+@returning(_frame, pandas)
+def verify(
+    robots: int | None = None,
+    *,
+    seed: int = 0,
+    duration: float | None = None,
+    param_file: Changes = None,
+    **values: Any,
+) -> AgainstMujoco | RobotChecks:
+    """Compare plants with MuJoCo, or check one robot, as ``parallel_robot verify`` does.
+
+    >>> import parallel_robot as pr
+    >>> bool(pr.verify(robot_model='serial_2r').agrees.all())
+    True
+
+    Args:
+        robots: Number of random robots of each kind against MuJoCo; default: 10.
+        seed: Of all that is random; default: 0.
+        duration: Of each motion against MuJoCo [s]; default: 1.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration, such as ``robot_model``, ``custom_robots``; with any of
+            them, the functions of that robot are checked against each other, and a described
+            machine is held against MuJoCo's or Pinocchio's model of its file, where it is
+            installed; or, with `robots`, random variants of it move beside MuJoCo's.
+
+    Returns:
+        A pandas.DataFrame. Against MuJoCo, a row a robot: kind, number, and the largest difference
+        of its poses [m] or [rad]. Of one robot, a row a check, and whether it agrees.
+
+    Raises:
+        InputError: something is wrong in the arguments; MuJoCo or pandas is not installed.
+        RunError: no motion was found that stays in the workspace.
+    """
+    number = ROBOTS if robots is None else robots
+    length = DURATION if duration is None else duration
+    _check_numbers(number, seed, length)
+    given = changes(param_file, values)
+    if given and robots is None:
+        if duration is not None:
+            what = '--set checks one robot without MuJoCo: no --duration without --robots'
+            raise InputError(what)
+        file = machine_file(merged(layers(param_file, values)))
+        beside = verify_file(given, file, seed) if file else ('', [])
+        return RobotChecks(*verify_robot(given, seed), file, *beside)
+    kinds: dict[str, Callable[..., list[Difference]]]
+    if given:
+        kinds = {name_of(given): partial(verify_machine, given)}
+    else:
+        kinds = {kind: partial(verify_kind, kind) for kind in SCENARIOS}
+    found = {
+        kind: compared(tracked(range(number), number, kind), seed, length)
+        for kind, compared in kinds.items()
+    }
+    return AgainstMujoco(found, length)

@@ -1,10 +1,11 @@
-"""Options of a command line: a mistake costs one line, which says what would be right."""
+"""Arguments of functions and options of a command line: a mistake costs one clear line."""
 
 from __future__ import annotations
 
 import argparse
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
+from pathlib import Path
 from typing import Any, NoReturn
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
@@ -81,22 +82,45 @@ def _unlike(wanted: str, text: str, near: str) -> argparse.ArgumentTypeError:
     return argparse.ArgumentTypeError(f'{wanted} is wanted, not {text!r}{hint}')
 
 
-# Options that do not go together with what is asked for.
+# Arguments that are names or paths, of functions that Python and the command line share.
 
 
-def refuse(options: Mapping[str, Any], refused: Iterable[str], why: str) -> None:
-    """Refuse some options.
-
-    Args:
-        options: What was given, by the names of the command's options; None, False or an empty
-            list, tuple or mapping where nothing was.
-        refused: Names of those that must not be given.
-        why: The line that says so, with {} for the name.
+def named(what: str, given: Any) -> str:
+    """A name or a path as text; `what` it is, for the error.
 
     Raises:
-        InputError: one of them was given.
+        InputError: it is something else.
     """
-    for option in refused:
-        given = options.get(option)
-        if not (given is None or given is False or given in ([], {}, ())):
-            raise InputError(why.format(f'--{option}'))
+    if not isinstance(given, str | Path):
+        raise InputError(f'{what} must be a name or a path, not {given!r}')
+    return str(given)
+
+
+def path(what: str, given: Any) -> Path:
+    """A path that is given as text or as a path; `what` it is, for the error.
+
+    Raises:
+        InputError: it is something else.
+    """
+    if not isinstance(given, str | Path):
+        raise InputError(f'{what} must be a path, not {given!r}')
+    return Path(given)
+
+
+def optional_path(what: str, given: Any) -> Path | None:
+    """A path, or None where none is given; see :func:`path`."""
+    return None if given is None else path(what, given)
+
+
+def paths(what: str, given: Any) -> list[Path]:
+    """Paths, one or several; `what` one is, for the error.
+
+    Raises:
+        InputError: something among them is no path, or there are none.
+    """
+    if isinstance(given, str | Path) or not isinstance(given, Iterable):
+        return [path(what, given)]
+    found = [path(what, each) for each in given]
+    if not found:
+        raise InputError(f'{what} is needed')
+    return found

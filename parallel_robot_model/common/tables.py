@@ -6,10 +6,11 @@ Cells are texts that are written as they are: a number has the same digits in ev
 from __future__ import annotations
 
 import csv
+import functools
 import io
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, ParamSpec, TypeVar
 
 from parallel_robot_model.common.errors import printable
 
@@ -164,6 +165,33 @@ def _latex_table(table: Table) -> str:
     return '\n'.join([rf'\begin{{tabular}}{{{table.sides}}}', *body, r'\end{tabular}'])
 
 
+# Functions of results that Python and the command line share.
+
+P = ParamSpec('P')
+R = TypeVar('R')
+S = TypeVar('S')
+
+
+def returning(
+    convert: Callable[[R], S], need: Callable[[], object] = lambda: None
+) -> Callable[[Callable[P, R]], Callable[P, S]]:
+    """Let a function return what `convert` makes of its result, after `need` has been called.
+
+    The command line calls the function itself, ``raw``.
+    """
+
+    def decorate(function: Callable[P, R]) -> Callable[P, S]:
+        @functools.wraps(function)
+        def converted(*words: P.args, **values: P.kwargs) -> S:
+            need()
+            return convert(function(*words, **values))
+
+        converted.raw = function  # type: ignore[attr-defined]
+        return converted
+
+    return decorate
+
+
 # A result that Python shows as the command line prints it.
 
 
@@ -173,9 +201,22 @@ class ShownResult:
     One that has ``warnings``, one line each, shows them below.
     """
 
+    @property
+    def failed(self) -> bool:
+        """Whether it is not as it should be: exit code 1."""
+        return False
+
     def parts(self) -> list[Part]:
         """Its lines and tables."""
         raise NotImplementedError
+
+    def as_data(self) -> Any:
+        """The same as plain data."""
+        raise NotImplementedError
+
+    def file_lines(self) -> list[str]:
+        """Lines on the files that were written."""
+        return []
 
     def lines(self) -> list[str]:
         """The same as lines of text."""

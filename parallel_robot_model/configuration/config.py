@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from parallel_robot_model.common.errors import InputError, UnknownNameError
-from parallel_robot_model.configuration import config_files, hazards
+from parallel_robot_model.common.options import named
+from parallel_robot_model.configuration import config_files, hazards, yaml_file
 from parallel_robot_model.configuration.config_files import DEFAULTS as DEFAULTS
 from parallel_robot_model.configuration.config_files import (
     DESCRIPTION,
@@ -333,6 +334,38 @@ def _robot(files: BuiltinFiles, values: Mapping[str, Any], own: Mapping[str, Any
 def _of(groups: set[str], values: Mapping[str, Any]) -> dict[str, Any]:
     """The values of some groups: gains of laws, parameters of shapes."""
     return {key: value for key, value in values.items() if key.partition('.')[0] in groups}
+
+
+Place = str | Path
+Places = Place | Iterable[Place]
+Changes = Place | Mapping[str, Any] | Iterable[Place | Mapping[str, Any]] | None
+
+
+def changes(param_file: Changes, values: Mapping[str, Any] = MappingProxyType({})) -> LocatedDict:
+    """What files of parameters and values change in a configuration.
+
+    Args:
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys and their values; they win over the files.
+
+    Raises:
+        InputError: a file cannot be read, or something is no file.
+    """
+    return merged(map(config_files.with_file_contents, layers(param_file, values)))
+
+
+def layers(param_file: Changes, values: Mapping[str, Any]) -> list[LocatedDict]:
+    """The same one by one, with the names of files, not what is in them."""
+    single = param_file is None or isinstance(param_file, str | Path | Mapping)
+    several = param_file if isinstance(param_file, Iterable) and not single else [param_file]
+    found = [
+        each
+        if isinstance(each, Mapping)
+        else yaml_file.read_parameter_file(Path(named('param_file', each)))
+        for each in several
+        if each is not None
+    ]
+    return [_plain(each) for each in (*found, values)]
 
 
 def _plain(values: Mapping[str, Any]) -> LocatedDict:

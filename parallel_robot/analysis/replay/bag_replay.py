@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from parallel_robot.analysis import pictures
 from parallel_robot.analysis.replay import replayed
 from parallel_robot.analysis.replay.replayed import Replay, Totals
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.thinned import Curves
 from parallel_robot.bags import experiment
-from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import AS_RECORDED, OF_BAG, BagView, view
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recording, run_log
+from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.bags.trust import check_held_code, custom_files
+from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import available, configure, load
 from parallel_robot_control.laws import LAWS
 from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
+from parallel_robot_model.common.options import named, optional_path, path
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import Array
 from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.config import Place, changes
+from parallel_robot_model.configuration.plain_data import LocatedDict
 
 # Beginnings of keys on which torques depend, beside those of the laws.
 GROUPS = ('controller', 'estimator', 'lock_in', 'approach', 'repetition', 'safety')
@@ -109,6 +116,11 @@ class ReplayFigures(ShownResult):
     warnings: tuple[str, ...]  # what to know of the bag and of differences, one line each
     # time [s], recorded commands and torques [N m], as far as they can be seen
     curves: tuple[Array, Array, Array]
+    figure: str = ''  # where it is drawn, in words
+
+    def file_lines(self) -> list[str]:
+        """The picture."""
+        return [f'figure  {self.figure}'] if self.figure else []
 
     @property
     def failed(self) -> bool:
@@ -239,13 +251,100 @@ def data_of(log: RunLog, law: str, found: Totals) -> dict[str, Any]:
     }
 
 
+def replay(
+    bag: Place,
+    *,
+    law: Place | None = None,
+    figure: Place | None = None,
+    trust: bool = False,
+    memory: int = MEMORY,
+    **options: Any,
+) -> BagReplay:
+    """Compute the torques of a bag again, as ``parallel_robot replay`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.5), 'runs/replayed')
+    >>> pr.replay('runs/replayed')
+    paper_circle, smc: 501 states answered again by smc
+    identical: 501 commands
+    >>> pr.replay('runs/replayed', **{'smc.z': 20}).torque.shape
+    (501, 3)
+
+    Args:
+        bag: Directory of a bag, or one file of it.
+        law: Control law, or its file; default: the recorded one.
+        figure: Picture of both torques, .png, .pdf or .svg, which must not exist; default: of the
+            command, with another law or other gains, BAG/replay_LAW.png in a bag of the suite.
+        trust: Whether the code of laws, robot and trajectory that the bag holds runs, with all
+            your rights; on a terminal, it is shown first.
+        memory: What may be held of the bag [bytes].
+        options: Keys of the configuration of the controller that change, and their values; and
+            what the bag does not say itself, see ``load``.
+
+    Returns:
+        Its ``torque`` beside the ``recorded`` one, and how many are ``differing``.
+
+    Raises:
+        BagError: not a bag of a run, or it needs code that it does not hold or that may not run.
+        InputError: a key or a value is wrong, or the figure cannot be written.
+    """
+    place, changed, asked, picture = _asked(bag, law, figure, options)
+    with prepared(place, changed, trust, memory, asked) as ready:
+        found = ready.compute()
+    if picture:
+        found.save_figure(picture)
+    return found
+
+
+@functools.wraps(replay, assigned=())
+def replayed_in_windows(
+    bag: Place, *, law: Any = None, figure: Any = None, trust: bool = False, **options: Any
+) -> ReplayFigures:
+    """The same of a bag of any length, window by window, for the command."""
+    place, changed, asked, picture = _asked(bag, law, figure, options)
+
+    def figures_of(seconds: float | None) -> tuple[ReplayFigures, Path | None, str]:
+        where, place_of = picture, place if place.is_dir() else place.parent
+        with prepared(place, changed, trust, MEMORY, asked, seconds) as ready:
+            if ready.changed and where is None:
+                if ready.log.foreign:
+                    return ready.add_up(), None, figures.NOT_IN_FOREIGN
+                where = place_of / f'replay_{ready.law}.png'
+                pictures.check_new(where)
+            return ready.add_up(), where, str(where or '')
+
+    try:
+        found, where, told = figures_of(SECONDS)
+    except WholeNeededError:
+        found, where, told = figures_of(None)
+    if where is not None:
+        found.save_figure(where)
+    return replace(found, figure=told)
+
+
+def _asked(
+    bag: Place, law: Place | None, figure: Place | None, options: dict[str, Any]
+) -> tuple[Path, LocatedDict, BagView, Path | None]:
+    """Bag, what changes, how the bag is read, and the picture, checked."""
+    asked = view(**{name: options.pop(name) for name in OF_BAG if name in options})
+    changed = changes(options.pop('param_file', None), options)
+    if law is not None:
+        of_law = law_loader.chosen(named('law', law), changed)
+        if changed.get('law', of_law['law']) != of_law['law']:
+            raise InputError(f'--law is {law}, but --set law={changed["law"]}')
+        changed |= of_law
+    picture = optional_path('figure', figure)
+    if picture:
+        pictures.check_new(picture)
+    return path('a bag', bag), changed, asked, picture
+
+
 @contextmanager
 def prepared(
     bag: Path,
     changes: Mapping[str, Any],
     trust: bool = False,
     memory: int = MEMORY,
-    told: bool = True,
     view: BagView = AS_RECORDED,
     seconds: float | None = None,
 ) -> Iterator[Prepared]:
@@ -256,7 +355,6 @@ def prepared(
         changes: Key to value, of what changes in the configuration of its controller.
         trust: Whether its code may run.
         memory: What may be held of it [bytes].
-        told: Whether the user is told what code runs, see :func:`custom_files`.
         view: What it does not say itself, and which part is compared.
         seconds: Length of the windows in which it is read [s]; None: at once.
 
@@ -285,7 +383,7 @@ def prepared(
         needed = {key: found for key, found in past.sources.items() if key not in changes}
         if changes.get('law') in LAWS:
             needed.pop('custom_laws', None)
-        files = custom_files(bag, needed, log.config, Path(directory), trust, told)
+        files = custom_files(bag, needed, log.config, Path(directory), trust)
         values = configuration(log, past, files, changes)
         law = str(values['law'])
         if law not in available(values['custom_laws']) and not changes:

@@ -6,26 +6,32 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from parallel_robot.analysis.replay import recorded_controller
-from parallel_robot.bags import bag_reader, experiment
+from parallel_robot.bags import bag_reader, experiment, output
 from parallel_robot.bags.experiment import OF_RUN, SIMULATION, software
 from parallel_robot.bags.history import History
 from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import bag_difference, run_windows
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.trust import check_held_code, custom_files
+from parallel_robot.bags.writing import simulation_bag
 from parallel_robot_control.configuration import available, configure, load, resolve
-from parallel_robot_model.common.errors import BagError, printable
+from parallel_robot_model.common.errors import BagError, InputError, printable
+from parallel_robot_model.common.options import optional_path, path
 from parallel_robot_model.common.tables import Part, ShownResult
 from parallel_robot_model.common.units import NANOSECONDS
 from parallel_robot_model.configuration import config, plain_data
+from parallel_robot_model.configuration.config import Place
 from parallel_robot_model.configuration.loop import loop_of
 from parallel_robot_model.configuration.yaml_file import MOTION
 from parallel_robot_model.messages.topics import SLOW
+from parallel_robot_sim import configuration as simulated_loop
+from parallel_robot_sim.simulation import RunSummary
+from parallel_robot_sim.simulation import parts as simulated_parts
 
 LONGER, SHORT = 100, 20_000  # a rerun is at most so many times as long, or so many states
 BASE = 'paper_circle'  # of a scenario that is not shipped
@@ -131,7 +137,6 @@ def prepared(
     duration: float | None = None,
     trust: bool = False,
     memory: int = MEMORY,
-    told: bool = True,
 ) -> Iterator[Experiment]:
     """Read a bag of which the experiment is run again; its code stands in files meanwhile.
 
@@ -140,7 +145,6 @@ def prepared(
         duration: Length of the motion [s]; None: as recorded.
         trust: Whether the code that it holds may run.
         memory: What may be held of it [bytes].
-        told: Whether the user is told what code runs, see :func:`custom_files`.
 
     Raises:
         BagError: it is no bag of a run, does not say what experiment made it, or needs code that
@@ -162,7 +166,7 @@ def prepared(
             f'{bag} holds {states} states of {planned}; --duration says how much to run'
         )
     with tempfile.TemporaryDirectory() as directory:
-        files = custom_files(bag, past.sources, log.config, Path(directory), trust, told)
+        files = custom_files(bag, past.sources, log.config, Path(directory), trust)
         values = log.config | files
         check_held_code(bag, values)
         own = load(values).defaults(values)
@@ -277,3 +281,52 @@ def doubts(values: dict[str, Any], past: History) -> list[str]:
     if motions:
         lines.append(f'the motion was changed {motions} times during the run: not repeated')
     return lines
+
+
+def rerun(
+    bag: Place,
+    out: Place | None = None,
+    *,
+    duration: float | None = None,
+    trust: bool = False,
+    memory: int = MEMORY,
+) -> Rerun:
+    """Run the experiment of a simulated bag once more, as ``parallel_robot rerun`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.1), 'runs/first')
+    >>> pr.rerun('runs/first', 'runs/second')
+    identical: 382 messages
+
+    Args:
+        bag: Directory of the bag, or its MCAP file.
+        out: Directory of the new bag, which must not exist; default: beside the bag, its name
+            ends with ``_rerun``.
+        duration: Length of the motion [s]; default: as recorded.
+        trust: Whether the code of laws, robot and trajectory that the bag holds may run: with all
+            your rights.
+        memory: What may be held of each bag [bytes].
+
+    Returns:
+        Whether both bags are ``identical``, and the first ``difference``.
+
+    Raises:
+        BagError: not a bag of a run, it needs code that it does not hold or that may not run, or
+            the new one cannot be written.
+        InputError: the bag is of nodes, or a value is wrong.
+        RunError: the disk is full.
+    """
+    place = path('a bag', bag)
+    target = optional_path('out', out) or default_place(place)
+    with prepared(place, duration, trust, memory) as experiment:
+        if not experiment.simulated:
+            raise InputError(f'{bag} is of nodes, which `parallel_robot rerun` starts again')
+        output.check_directory(target)
+        values = resolve(experiment.scenario, experiment.changes | {'time_mode': 'lockstep'})
+        summary = RunSummary()
+        simulation_bag.save(
+            target, values, summary.taken(simulated_parts(simulated_loop.configure(values)))
+        )
+    found = experiment.compare(target, memory)
+    failure = (summary.failure,) if summary.failure else ()
+    return replace(found, warnings=(*found.warnings, *failure))

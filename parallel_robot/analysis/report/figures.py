@@ -36,6 +36,7 @@ LEAST = 1e-4  # µm and µrad, of magnitudes on a logarithmic axis, which begins
 LARGEST = 'Largest '  # of all joints
 DISTANCE = 'distance'
 COLUMNS, FEW = 6, 4  # of a legend, and names of which each has its line
+NOT_IN_FOREIGN = 'none in a bag of somebody else; --figure FILE draws one'
 BROAD = {'color': '0.6', 'lw': 2.0}  # of what is measured
 HEIGHT, ROW = 6.6, 1.6  # in, of a figure, of one row of many
 MARGINS = {'left': 0.075, 'right': 0.99, 'bottom': 0.085, 'top': 0.89, 'wspace': 0.22}

@@ -5,24 +5,25 @@ from __future__ import annotations
 import itertools
 import re
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 from string import ascii_lowercase
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
 from parallel_robot.analysis.pictures import STYLES, UNDATED, Style
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.charts import Chart, Panel, charts
-from parallel_robot.analysis.report.looks import AUTO
+from parallel_robot.analysis.report.looks import AUTO, check
 from parallel_robot.analysis.report.runs import Run, read_runs
 from parallel_robot.analysis.thinned import envelope
 from parallel_robot.bags import output
-from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import view
 from parallel_robot.bags.output import tracked, without_mathematics
-from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.run.recorded_robot import code_of
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.options import path, paths
+from parallel_robot_model.configuration.config import Place, Places
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -171,28 +172,49 @@ class Report(NamedTuple):
     figures: int  # number of files of the figures, in the directory of the page
     warnings: tuple[str, ...]  # what bags lack, one line each
 
+    def __str__(self) -> str:
+        """What the command prints."""
+        files = f'page     {self.page}\nfigures  {self.figures} files in {self.page.parent}\n'
+        return ''.join(f'{warning}\n' for warning in self.warnings) + files
 
-def make(
-    bags: Sequence[Path],
-    directory: Path,
-    scale: str = AUTO,
-    code: RobotCode = NONE,
-    view: BagView = AS_RECORDED,
+
+def report(
+    bags: Places,
+    out: Place,
+    *,
+    scale: Literal['auto', 'linear', 'log'] = 'auto',
+    trust: bool = False,
+    **options: Any,
 ) -> Report:
-    """Write the report of some bags; it appears complete or not at all.
+    """Write the paper's figures and one interactive page, as ``parallel_robot report`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.5), 'runs/smc')
+    >>> pr.report('runs/smc', 'runs/report').page
+    PosixPath('runs/report/report.html')
 
     Args:
-        bags: Directories of the bags, or one file of each.
-        directory: Directory of the report; must not exist.
-        scale: Of errors, see looks.SCALES.
-        code: What may run to know their robots.
-        view: What bags do not say themselves, and which part is wanted.
+        bags: A bag, or several, up to 8, of which the runs are compared.
+        out: Directory of the report, which must not exist; it appears complete or not at all.
+        scale: Of errors; log: their magnitude; auto, the default: log where the spread asks for
+            it.
+        trust: Whether the code of the robots that bags hold runs, with all your rights; on a
+            terminal, it is shown first.
+        options: What bags do not say themselves, see ``load``, and keys of their configuration,
+            such as `custom_robots`, files that take the place of those in bags.
+
+    Returns:
+        Its page, the number of figures beside it, and warnings.
 
     Raises:
         InputError: bags are too many or no bags, or the directory cannot be written.
     """
+    check(scale)
+    found, directory = paths('a bag', bags), path('out', out)
+    asked = view(**options)
+    code = code_of(trust, asked)
     output.check_directory(directory)
-    groups = read_runs(bags, code, view)
+    groups = read_runs(found, code, asked)
     try:
         figures = write(groups, directory, scale)
     except OSError as error:

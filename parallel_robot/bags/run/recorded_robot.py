@@ -5,7 +5,7 @@ from __future__ import annotations
 import atexit
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -15,7 +15,7 @@ from parallel_robot.bags.limits import MEMORY
 from parallel_robot.bags.run import recording
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.trust import custom_files
-from parallel_robot_model.common.errors import BagError, InputError, WholeNeededError
+from parallel_robot_model.common.errors import BagError, WholeNeededError
 from parallel_robot_model.configuration import config
 from parallel_robot_model.messages.topics import Topic
 from parallel_robot_model.robots.registry import is_known, load_robots
@@ -36,21 +36,18 @@ class RobotCode(NamedTuple):
 
     trust: bool = False  # whether its file in the bag may
     files: tuple[str, ...] = ()  # files of the user's, which come first
-    told: bool = True  # whether the user is told what runs, see :func:`custom_files`
 
 
 NONE = RobotCode()
 
 
-def chosen(trust: bool, custom_robots: Sequence[str | Path]) -> RobotCode:
-    """What may run, by the arguments of a function for Python.
+def code_of(trust: bool, view: BagView) -> RobotCode:
+    """What may run, by what is said of a bag.
 
     Raises:
-        InputError: `custom_robots` is a single file.
+        InputError: the files of robots are no list.
     """
-    if isinstance(custom_robots, str | Path):
-        raise InputError(f'{KEY} must be a list of files, not {custom_robots!r}')
-    return RobotCode(trust, tuple(map(str, custom_robots)), told=False)
+    return RobotCode(trust, tuple(config.absolute_modules(KEY, view.values.get(KEY, []))))
 
 
 def read(
@@ -161,7 +158,7 @@ def _of_bag(bag: Path, past: History, values: Mapping[str, Any], code: RobotCode
     atexit.register(shutil.rmtree, directory, ignore_errors=True)
     own = {KEY: past.sources.get(KEY, {})}
     try:
-        return custom_files(bag, own, values, Path(directory), code.trust, code.told)[KEY]
+        return custom_files(bag, own, values, Path(directory), code.trust)[KEY]
     except BagError:
         if code.trust:
             raise

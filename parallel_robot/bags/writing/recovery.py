@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -23,7 +24,9 @@ from parallel_robot.bags.run.recorded_robot import SECONDS
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.writing.bag_writer import BagWriter
 from parallel_robot_model.common.errors import BagError, RunError, WholeNeededError
+from parallel_robot_model.common.options import optional_path, path
 from parallel_robot_model.common.tables import Part, ShownResult, Table
+from parallel_robot_model.configuration.config import Place
 
 # Metadata about the content of a file.
 WRITTEN_ANEW = (METADATA, MESSAGES, ROSBAG2)
@@ -42,6 +45,11 @@ class Recovery(ShownResult):
     # messages missing from the regular stamps, by name without leading slash
     missing: dict[str, int] = field(default_factory=dict)
     damage: list[Damage] = field(default_factory=list)  # damaged places
+    bag: Path = Path()  # the new bag
+
+    def file_lines(self) -> list[str]:
+        """Where it is."""
+        return [f'bag     {self.bag}']
 
     def parts(self) -> list[Part]:
         """What was kept and lost, and messages lost by topic."""
@@ -91,10 +99,30 @@ class Recovery(ShownResult):
         return self.written - self.kept
 
 
-def recover(bag: str | Path, out: str | Path, memory: int = MEMORY) -> Recovery:
-    """Copy what is intact in a bag, see :func:`copy`, and find what is missing there."""
-    recovery = copy(bag, out, memory)
-    recovery.missing = _missing(Path(out), memory)  # whatever it finds, the new bag stays
+def recover(bag: Place, out: Place | None = None, *, memory: int = MEMORY) -> Recovery:
+    """Write a whole bag of what is intact in a broken one, as ``parallel_robot recover`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.save(pr.simulate('paper_circle', law='smc', duration=0.1), 'runs/broken')
+    >>> pr.recover('runs/broken', 'runs/whole').kept['/joint_states']
+    101
+
+    Args:
+        bag: Directory of a bag, or one file of it.
+        out: Directory of the new bag, which must not exist; default: BAG_recovered.
+        memory: What may be held of the bag [bytes].
+
+    Raises:
+        BagError: nothing in it is intact, or the directory exists.
+        RunError: the disk is full.
+    """
+    broken = path('a bag', bag)
+    real = Path(os.path.realpath(broken))  # in a loop of links too
+    name = real.name.removesuffix('.zstd').removesuffix('.mcap')
+    place = optional_path('out', out) or real.parent / f'{name}_recovered'
+    recovery = copy(broken, place, memory)
+    recovery.bag = place
+    recovery.missing = _missing(place, memory)  # whatever it finds, the new bag stays
     return recovery
 
 

@@ -18,15 +18,12 @@ from parallel_robot.analysis.report.looks import add_scale_argument
 from parallel_robot.analysis.run_results import MotionAlone
 from parallel_robot.bags import history, output
 from parallel_robot.bags.run import run_windows
+from parallel_robot.bags.run.recorded_robot import code_of
 from parallel_robot.bags.trust import add_trust_argument
-from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.from_function import VIEW_OF_BAG
 from parallel_robot.cli.shared import (
-    NOT_IN_FOREIGN,
-    add_bag_arguments,
     add_format_argument,
     add_window_arguments,
-    bag_view,
-    robot_code,
     show,
     warn,
 )
@@ -48,8 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_format_argument(parser)
     add_window_arguments(parser)
     add_scale_argument(parser)
-    add_bag_arguments(parser, window=False)
-    add_set_argument(parser)
+    VIEW_OF_BAG.add_arguments(parser)
     add_trust_argument(parser, 'the robot')
 
 
@@ -61,8 +57,8 @@ def execute(arguments: argparse.Namespace) -> int:
         output.check_new(arguments.json, '--json')
     if arguments.figure:
         pictures.check_new(figure)
-    values = given(arguments)
-    code, view = robot_code(arguments, values), bag_view(arguments, values, whole=True)
+    view = VIEW_OF_BAG.call(arguments)._replace(whole=True)
+    code = code_of(arguments.trust, view)
     times = arguments.start, arguments.stop
     run = evaluated_bag.evaluate(arguments.bag, code, view, times, lambda text: warn([text]))
     if isinstance(run, MotionAlone):
@@ -94,7 +90,7 @@ def execute(arguments: argparse.Namespace) -> int:
     printed += run_results.tables(result, found, length(log.config))
     printed += [f'  {text}' for text in remarks]
     old = ' exists and is kept; --figure draws another' if kept else ''
-    drawn = NOT_IN_FOREIGN if foreign else f'{figure}{old}'
+    drawn = figures.NOT_IN_FOREIGN if foreign else f'{figure}{old}'
     files = [f'bag     {arguments.bag}', f'figure  {drawn}']
     show(arguments.format, printed, result, files)
     return 0

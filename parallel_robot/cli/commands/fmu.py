@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from parallel_robot.bags import output
-from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.shared import add_set_argument, given
 from parallel_robot.fmu.contents import (
     Contents,
     law_contents,

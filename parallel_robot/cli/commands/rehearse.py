@@ -22,7 +22,7 @@ from parallel_robot.bags.run.recorded_robot import RobotCode
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.cli import command_line
 from parallel_robot.cli.commands import run
-from parallel_robot.cli.commands.simulate import add_set_argument, given
+from parallel_robot.cli.shared import add_set_argument, given
 from parallel_robot.studies.identification import bag_identification, motor_lag
 from parallel_robot.studies.identification.regression_rows import CUTOFF
 from parallel_robot_control.configuration import resolve

@@ -7,8 +7,7 @@ from pathlib import Path
 
 from parallel_robot.analysis.machine import draw, facts_of, readable
 from parallel_robot.bags import output
-from parallel_robot.cli.commands import simulate
-from parallel_robot.cli.shared import JSON, add_format_argument, show
+from parallel_robot.cli.shared import JSON, add_format_argument, add_set_argument, given, show
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.configuration import config_files
@@ -25,7 +24,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar='FILE',
         help='description: MJCF, URDF or SDF; or the name of a shipped one',
     )
-    simulate.add_set_argument(parser)
+    add_set_argument(parser)
     parser.add_argument(
         '--state', metavar='Q1,Q2,..', help='actuated joints [rad, m], default: home'
     )
@@ -54,7 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
         machine = str(config_files.machine_path(machine))
     elif not config_files.is_robot_scenario(machine):
         raise UnknownNameError('machine', machine, config_files.builtin_machines())
-    values = resolve(machine, simulate.given(arguments))
+    values = resolve(machine, given(arguments))
     with with_location(values):
         facts = facts_of(robot_of(values), position, velocity)
     files = []

@@ -12,12 +12,8 @@ from typing import Any
 from parallel_robot.analysis.table import fields_of
 from parallel_robot.bags.experiment import OF_RUN
 from parallel_robot.bags.output import as_it_is
-from parallel_robot.cli.commands.simulate import (
-    add_law_argument,
-    add_scenario_argument,
-    add_set_argument,
-    given_layers,
-)
+from parallel_robot.cli.commands.simulate import add_law_argument, add_scenario_argument
+from parallel_robot.cli.shared import add_set_argument, layers
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import load
 from parallel_robot_model.common import tables
@@ -26,7 +22,7 @@ from parallel_robot_model.common.tables import Table
 from parallel_robot_model.configuration import config, config_files
 from parallel_robot_model.configuration.config_files import scenario_of
 from parallel_robot_model.configuration.fields import Field
-from parallel_robot_model.configuration.plain_data import merged
+from parallel_robot_model.configuration.plain_data import LocatedDict, merged
 from parallel_robot_model.configuration.yaml_file import MARK, text_of
 from parallel_robot_sim.configuration import configure
 from parallel_robot_sim.fastest import fastest
@@ -74,11 +70,13 @@ def execute(arguments: argparse.Namespace) -> int:
         from parallel_robot.analysis import reach_picture  # slow to import
 
         reach_picture.check_picture(arguments.workspace)
-    layers = given_layers(arguments)
+    names = [*arguments.param_file, config.OVERRIDE]
+    each_changes = map(config.changes, layers(arguments))
+    given = [*zip(map(str, names), each_changes, strict=True)]
     if arguments.law is not None:
-        so_far = merged(values for _, values in layers)
-        layers.append(('--law', law_loader.chosen(arguments.law, so_far)))
-    changed = merged(values for _, values in layers)
+        so_far = merged(values for _, values in given)
+        given.append(('--law', LocatedDict(law_loader.chosen(arguments.law, so_far))))
+    changed = merged(values for _, values in given)
     scenario = scenario_of(arguments.scenario)
     values, sources = config.resolve_with_sources(scenario, changed, load(changed))
     made = configure(values)  # a wrong value is refused here as in a run
@@ -103,7 +101,7 @@ def execute(arguments: argparse.Namespace) -> int:
     form = arguments.format or 'table'
     values['realtime'] = made.loop.realtime  # YAML reads an unquoted off as false
     overridden = {key for key, source in sources.items() if source == config.OVERRIDE}
-    for name, layer in layers:
+    for name, layer in given:
         sources |= {key: name for key in layer if key in overridden}
     place = config_files.absolute_scenario(scenario)
     text = FORMATS[form](values, sources, place)

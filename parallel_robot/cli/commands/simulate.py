@@ -17,7 +17,15 @@ from parallel_robot.bags import output
 from parallel_robot.bags.history import remark_lines
 from parallel_robot.bags.writing import simulation_bag
 from parallel_robot.cli import command_line
-from parallel_robot.cli.shared import TEXT, add_format_argument, show, tell, warn
+from parallel_robot.cli.shared import (
+    TEXT,
+    add_format_argument,
+    add_set_argument,
+    given,
+    show,
+    tell,
+    warn,
+)
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.lock_in import delay_text
@@ -25,7 +33,7 @@ from parallel_robot_control.messages import limits_text
 from parallel_robot_model.common.errors import InputError, ParallelRobotError, RunError, first_line
 from parallel_robot_model.common.options import number
 from parallel_robot_model.common.tables import Part
-from parallel_robot_model.configuration import config, config_files, yaml_file
+from parallel_robot_model.configuration import yaml_file
 from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.plain_data import LocatedDict, merged
@@ -104,57 +112,6 @@ def add_scenario_argument(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         'scenario', help='name of a scenario in config/scenarios, or the path of a YAML file'
     )
-
-
-def add_set_argument(parser: argparse.ArgumentParser) -> None:
-    """Declare what changes the configuration: ``--param-file`` and ``--set``."""
-    parser.add_argument(
-        '--param-file',
-        action='append',
-        default=[],
-        dest='param_files',
-        type=Path,
-        metavar='FILE',
-        help='YAML file with keys of the configuration, also as ROS has them; may be repeated, '
-        'the later wins',
-    )
-    parser.add_argument(
-        '--set',
-        action='append',
-        default=[],
-        dest='assignments',
-        metavar='KEY=VALUE',
-        help='change a key of the configuration, e.g. s_fotsmc.G=12; may be repeated and wins '
-        'over --param-file',
-    )
-
-
-def given_layers(arguments: argparse.Namespace) -> list[config.Layer]:
-    """What ``--param-file`` and ``--set`` change, each with its name; later ones win.
-
-    Raises:
-        InputError: a file cannot be read or names code, or a word is not KEY=VALUE.
-    """
-    return [(name, config_files.with_file_contents(values)) for name, values in _layers(arguments)]
-
-
-def _layers(arguments: argparse.Namespace) -> list[tuple[str, LocatedDict]]:
-    """The same with the names of files, not what is in them."""
-    layers = [(str(path), yaml_file.read_parameter_file(path)) for path in arguments.param_files]
-    return [
-        *layers,
-        (config.OVERRIDE, LocatedDict(yaml_file.parse_assignments(arguments.assignments))),
-    ]
-
-
-def machine_file(arguments: argparse.Namespace) -> Path | None:
-    """File of the machine that they name, if they name one."""
-    return config_files.machine_file(merged(values for _, values in _layers(arguments)))
-
-
-def given(arguments: argparse.Namespace) -> LocatedDict:
-    """What ``--param-file`` and ``--set`` change together; see :func:`given_layers`."""
-    return merged(values for _, values in given_layers(arguments))
 
 
 def overrides(arguments: argparse.Namespace) -> LocatedDict:

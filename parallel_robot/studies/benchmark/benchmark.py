@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,13 +40,17 @@ from parallel_robot.studies.benchmark.scores import (
 )
 from parallel_robot.studies.sweep.run_chunk import version
 from parallel_robot.studies.sweep.summary import cells, html_page
+from parallel_robot.studies.sweep.sweep import workers_of
 from parallel_robot.studies.sweep.workers import Workers
 from parallel_robot_control.laws import title as title_of
 from parallel_robot_model.common.errors import InputError, printable
+from parallel_robot_model.common.options import named, optional_path, path
 from parallel_robot_model.common.tables import Part, ShownResult, Table
+from parallel_robot_model.configuration.config import Place
 
 # The result of a benchmark: as tables, as JSON, and what differs between two.
 
+SCORE = 'score.json'
 FORMAT = 'parallel_robot benchmark score 1'
 OF_MACHINE = ('machine', 'seconds')  # what may differ between two of the same benchmark
 MOST_DIFFERENCES = 10  # that are told
@@ -61,6 +66,11 @@ class Scores(ShownResult):
     gains: Gains  # their tuned gains by law and robot
     runs: Mapping[str, Mapping[str, list[ScoredRun]]]  # law, and 'default' or 'tuned', to its runs
     seconds: float  # how long it took [s]
+    out: Path  # its directory
+
+    def file_lines(self) -> list[str]:
+        """Its files."""
+        return [f'score   {self.out / SCORE}', f'page    {self.out / "page.html"} (.pdf)']
 
     @cached_property
     def summaries(self) -> list[tuple[str, str, dict[str, dict[str, Summary]]]]:
@@ -290,7 +300,43 @@ def _draw_medians(panel: Any, every: list[dict[str, dict[str, Summary]]]) -> Non
     panel.set_title('median scores', fontsize=9)
 
 
-SCORE = 'score.json'
+def benchmark(
+    *laws: Place,
+    out: Place,
+    quick: bool = False,
+    phrase: str | None = None,
+    protocol: Place = protocols.DEFAULT,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Scores:
+    """Judge laws against the limit by a fixed protocol, as ``parallel_robot benchmark`` does.
+
+    >>> import parallel_robot as pr
+    >>> found = pr.benchmark('pid', 'my_law.py', out='runs/scores', quick=True)  # doctest: +SKIP
+    >>> scores = found.as_data()['laws'].get('pid')  # doctest: +SKIP
+    >>> scores['tuned'].get('all')  # doctest: +SKIP
+
+    Args:
+        laws: Name of a law, or the file of one of yours: .py, .so, .fmu.
+        out: Directory of the results; new, or that of the same benchmark, which is continued.
+        quick: Whether only a first look is wanted, in a minute, which is not the protocol.
+        phrase: Words nobody knew before, by which other samples are drawn than those to develop
+            on.
+        protocol: Name of one in ``config/benchmarks``, or its file.
+        workers: Processes; default: one for each core.
+        scheduler: Address of a dask scheduler, on whose cluster it runs instead.
+
+    Returns:
+        The scores; ``as_data()`` has all of them.
+
+    Raises:
+        InputError: something in the arguments is wrong, or the directory is of another benchmark.
+        RunError: workers cannot run it, or the disk is full; what is finished is kept.
+    """
+    make, _ = workers_of(workers, scheduler)
+    asked = protocols.read(named('protocol', protocol), quick, phrase)
+    judged = competitors([named('law', law) for law in laws])
+    return benchmarked(asked, phrase, judged, path('out', out), make)
 
 
 def benchmarked(
@@ -319,7 +365,8 @@ def benchmarked(
     with Store(directory, identity(protocol, laws)) as store:
         gains = search(protocol, laws, store, workers)
         runs = run(protocol, laws, gains, store, workers)
-        scores = Scores(protocol, phrase, laws, gains, runs, time.monotonic() - begin)
+        seconds = time.monotonic() - begin
+        scores = Scores(protocol, phrase, laws, gains, runs, seconds, directory)
         store.write(SCORE, scores.json().encode())
         for name, content in files(scores).items():
             store.write(name, content)
@@ -339,6 +386,11 @@ class Checked(ShownResult):
     differences: tuple[str, ...]  # what differs, a line each; empty if the score is the same
     runs: int  # number of runs of each law and kind of gains; 0 if it is of another protocol
 
+    @property
+    def failed(self) -> bool:
+        """Whether something differs."""
+        return bool(self.differences)
+
     def parts(self) -> list[Part]:
         """What differs, or that nothing does."""
         if not self.differences:
@@ -354,26 +406,48 @@ class Checked(ShownResult):
         return {'same': not self.differences, 'differences': list(self.differences)}
 
 
-def checked(
+def check_score(
+    score: Place,
+    laws: Sequence[Place] = (),
+    *,
+    out: Place | None = None,
+    protocol: Place = protocols.DEFAULT,
+    workers: int | None = None,
+    scheduler: str | None = None,
+) -> Checked:
+    """Run the benchmark of a score again, as ``parallel_robot benchmark --check`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.check_score('runs/scores/score.json', ['my_law.py']).failed  # doctest: +SKIP
+    False
+
+    Args:
+        score: The file SCORE.json of a benchmark, which is run again to tell whether it is the
+            same; LAW: the files of its laws that are not of the suite.
+        laws: Files of those of its laws that are not of the suite.
+        out: Directory of the results; default: none is kept.
+        protocol: Name of one in ``config/benchmarks``, or its file.
+        workers: Processes; default: one for each core.
+        scheduler: Address of a dask scheduler, on whose cluster it runs instead.
+
+    Raises:
+        InputError: it is no score, or the file of a law is missing.
+        RunError: workers cannot run it, or the disk is full.
+    """
+    make, _ = workers_of(workers, scheduler)
+    files = [named('law', law) for law in laws]
+    with tempfile.TemporaryDirectory() as folder:
+        place = optional_path('out', out) or Path(folder) / 'benchmark'
+        return _checked(path('score', score), named('protocol', protocol), files, place, make)
+
+
+def _checked(
     path: Path,
     protocol: str,
     files: Sequence[str],
     directory: Path,
     workers: Callable[[], Workers],
 ) -> Checked:
-    """Run the benchmark of a score again.
-
-    Args:
-        path: The score.
-        protocol: Name or file of the protocol.
-        files: Files of those of its laws that are not of the suite.
-        directory: Where it is run.
-        workers: Makes those who run it.
-
-    Raises:
-        InputError: it is no score, or the file of a law is missing.
-        RunError: workers cannot run it, or the disk is full.
-    """
     score = read(path)
     facts, entries = score.get('protocol'), score.get('laws')
     if not isinstance(facts, Mapping) or not isinstance(entries, Mapping) or not entries:

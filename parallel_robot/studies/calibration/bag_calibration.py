@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import BagView, view
 from parallel_robot.bags.output import Progress
 from parallel_robot.bags.run import recorded_robot, recording, run_log
-from parallel_robot.bags.run.recorded_robot import NONE, RobotCode
+from parallel_robot.bags.run.recorded_robot import RobotCode, code_of
 from parallel_robot.bags.run.recording import Recording
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines
 from parallel_robot.studies.calibration import least_squares, measured_poses
 from parallel_robot.studies.calibration.calibrated import Calibration, rms
+from parallel_robot.studies.calibration.design import check_free
 from parallel_robot.studies.calibration.least_squares import (
     MOST_OF_NOISE,
     Fit,
@@ -36,17 +37,17 @@ from parallel_robot.studies.calibration.measured_poses import (
     margin,
 )
 from parallel_robot.studies.calibration.pose_model import CLOCK_STEP, MeasuredPoses, PoseModel
-from parallel_robot.studies.calibration.tracker import FREE, TURNS
-from parallel_robot.studies.estimate import OF_BAG, named_errors
+from parallel_robot.studies.calibration.tracker import TURNS
+from parallel_robot.studies.estimate import check_files, named_errors
 from parallel_robot_control.configuration import nominal_of
 from parallel_robot_model.common.errors import (
     BagError,
     InputError,
-    UnknownNameError,
     WholeNeededError,
 )
-from parallel_robot_model.common.options import refuse
+from parallel_robot_model.common.options import optional_path, path
 from parallel_robot_model.common.units import NANOSECONDS, Array
+from parallel_robot_model.configuration.config import Place
 from parallel_robot_model.configuration.fields import given_zero_angles
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.registry import RobotModel, is_known
@@ -63,29 +64,69 @@ _naming = partial(named_errors, f'the poses do not tell a geometry ({{}}): tried
 
 @one_blas_thread()
 def calibrate(
-    bag: Path,
-    poses: Path | None = None,
-    topic: str | None = None,
-    free: Collection[str] = (),
-    code: RobotCode = NONE,
-    view: BagView = AS_RECORDED,
+    bag: Place,
+    *,
+    poses: Place | None = None,
+    pose_topic: str | None = None,
+    free: Sequence[Literal['frame', 'target']] = (),
     robust: bool = False,
+    out: Place | None = None,
+    figure: Place | None = None,
+    trust: bool = False,
+    **options: Any,
 ) -> Calibration:
-    """Calibrate the robot of a bag.
+    """Calibrate the geometry of the robot of a bag, as ``parallel_robot calibrate`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.calibrate('runs/laboratory', poses='tracker.csv').values  # doctest: +SKIP
 
     Args:
-        bag: Directory of the bag, or its MCAP file.
-        poses: CSV of measured poses; None: they are in the bag.
-        topic: Topic of measured poses in the bag; None: the only one.
-        free: What is unknown of the tracker, see FREE.
-        code: What may run to know the robot.
-        view: What the bag does not say itself, and which part is wanted.
-        robust: Whether poses that the others do not tell are left out.
+        bag: Bag with the joint states: its directory, or one file of it.
+        poses: CSV of measured poses: t [s] or stamp [ns], coordinates of the pose; default: a
+            topic of the bag.
+        pose_topic: Topic of the bag with measured poses; default: the only one.
+        free: What is unknown of the tracker; frame: where it stands; target: where its target sits
+            on the platform; may be repeated.
+        robust: Whether poses that are not what the others tell are left out, of a tracker that
+            lost its target, or swapped rows; default: they are named.
+        out: YAML file of the robot, or of the motion, for `param_file`; it must not exist.
+        figure: Picture of the errors of the poses before and after, and of the changes: .png,
+            .pdf, .svg; likewise.
+        trust: Whether the code of the robot that the bag holds runs, with all your rights; on a
+            terminal, it is shown first.
+        options: What the bag does not say itself, see ``load``, and keys of its configuration,
+            such as `custom_robots`, files that take the place of that in the bag.
+
+    Returns:
+        The robot as keys of the configuration, ``values``, with tables and warnings.
 
     Raises:
         BagError: it is no bag of a run, its poses do not suffice, or no geometry explains them.
-        InputError: a value is wrong, or a file cannot be read.
+        InputError: a value is wrong, or a file cannot be read or written.
     """
+    file, picture = optional_path('out', out), optional_path('figure', figure)
+    check_files(file, picture)
+    check_free(free)
+    place, table = path('a bag', bag), optional_path('poses', poses)
+    if not (pose_topic is None or isinstance(pose_topic, str)):
+        raise InputError(f'pose_topic must be the name of a topic, not {pose_topic!r}')
+    if table is not None and pose_topic is not None:
+        raise InputError('--poses and --pose-topic exclude each other')
+    asked = view(**options)
+    found = _calibrated(place, table, pose_topic, free, code_of(trust, asked), asked, robust)
+    found.write(file, picture)
+    return found
+
+
+def _calibrated(
+    bag: Path,
+    poses: Path | None,
+    topic: str | None,
+    free: Collection[str],
+    code: RobotCode,
+    view: BagView,
+    robust: bool,
+) -> Calibration:
     duration, states = recording.size(bag, view)
 
     def look(windows: Iterator[Recording]) -> tuple[RunLog, MeasuredPoses, NearStates, list[str]]:
@@ -290,36 +331,3 @@ def _doubts(found: Fit, tried: Starts, most: float) -> list[str]:
             'explains the poses about as well: the best one is given; more poses would decide'
         )
     return lines
-
-
-# What calibrating is asked for: the robot of a bag, or poses that tell most.
-
-OF_ROBOT = ('poses', 'pose-topic', 'robust', 'figure', 'trust')
-
-
-def check_options(options: Mapping[str, Any]) -> None:
-    """Refuse options that do not go together: without a bag, they ask for poses.
-
-    Args:
-        options: What was given, by the names of the command's options; None, False or an empty
-            list or mapping where nothing was.
-
-    Raises:
-        InputError: options do not go together.
-    """
-    design, free = options['bag'] is None, options['free']
-    if design and (options['scenario'] is None or options['design'] is None):
-        raise InputError('calibrate takes either a bag or --scenario SCENARIO --design N')
-    if isinstance(free, str):
-        raise InputError(f'free must be a list of {", ".join(FREE)}, not {free!r}')
-    for each in free:
-        if each not in FREE:
-            raise UnknownNameError('--free', str(each), FREE)
-    if design:
-        refuse(options, (*OF_ROBOT, *OF_BAG), '--design reads no bag: no {}')
-        return
-    if options['design'] is not None:
-        raise InputError('--design reads no bag')
-    refuse(options, ('seed',), '{} goes with --design alone')
-    if options['poses'] is not None and options['pose-topic'] is not None:
-        raise InputError('--poses and --pose-topic exclude each other')

@@ -26,7 +26,7 @@ WIDTH, ROW = 11.0, 2.2  # in
 NAME = 0.16  # in, for the name of an unknown
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(repr=False)
 class Calibration(WrittenResult):
     """What measured poses tell of a robot."""
 

@@ -12,9 +12,9 @@ Source:
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,11 +25,14 @@ from parallel_robot.studies.calibration.pose_model import (
     MeasuredPoses,
     PoseModel,
 )
-from parallel_robot.studies.estimate import WrittenResult, condition_number
+from parallel_robot.studies.calibration.tracker import FREE
+from parallel_robot.studies.estimate import WrittenResult, check_files, condition_number
 from parallel_robot_control.configuration import nominal_of, resolve
-from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.errors import InputError, UnknownNameError
+from parallel_robot_model.common.options import named, optional_path
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.fields import Field, check, given_zero_angles
 from parallel_robot_model.robots.contract import REACHED
 from parallel_robot_model.robots.registry import RobotModel
@@ -105,7 +108,7 @@ SHORTEST = 1.0  # s of a way
 INNER = 7  # points of a way between its ends, and of a rest
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(repr=False)
 class Designed(WrittenResult):
     """Poses that tell most."""
 
@@ -120,6 +123,8 @@ class Designed(WrittenResult):
     at_random: float  # the same with as many poses at random, the median of RANDOM choices
     condition: float  # condition number of what is looked for
     motion: dict[str, dict[str, Any]]  # keys of a motion that visits them
+
+    content = 'motion'
 
     @property
     def unit(self) -> str:
@@ -166,25 +171,60 @@ class Designed(WrittenResult):
         return [f'{what}, with {REST:g} s of rest at each.']
 
 
-def design(
-    scenario: str,
-    changes: Mapping[str, Any],
+def check_free(free: Any) -> None:
+    """Refuse what cannot be unknown of a tracker.
+
+    Raises:
+        InputError: it is no list, or one of them is none of FREE.
+    """
+    if isinstance(free, str):
+        raise InputError(f'free must be a list of {", ".join(FREE)}, not {free!r}')
+    for each in free:
+        if each not in FREE:
+            raise UnknownNameError('--free', str(each), FREE)
+
+
+def calibration_poses(
+    scenario: Place,
     count: int,
-    free: Collection[str] = (),
+    *,
+    free: Sequence[Literal['frame', 'target']] = (),
+    out: Place | None = None,
     seed: int = 0,
+    param_file: Changes = None,
+    **values: Any,
 ) -> Designed:
-    """Choose poses for a calibration.
+    """Choose poses that tell most, as ``parallel_robot calibrate --design`` does.
+
+    >>> import parallel_robot as pr
+    >>> pr.calibration_poses('serial_2r_circle', 4).poses.shape
+    (4, 2)
 
     Args:
-        scenario: Name or file of a scenario, whose first pose they are around.
-        changes: What changes in it.
-        count: Number of poses.
-        free: What is unknown of the tracker, see FREE.
-        seed: Seed of the candidates.
+        scenario: Name or file of a scenario, around whose first pose they are.
+        count: Without a bag: so many poses are chosen that tell most around the first one of
+            `scenario`; `out` has the motion through them.
+        free: What is unknown of the tracker, as of ``calibrate``.
+        out: YAML file of the motion, for `param_file`, which must not exist; default: none.
+        seed: Seed of the poses that they are chosen from; default: 0.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values.
 
     Raises:
         InputError: a value is wrong, or so few poses cannot tell the geometry.
     """
+    file = optional_path('out', out)
+    check_files(file)
+    check_free(free)
+    name = named('scenario', scenario)
+    found = _designed(name, changes(param_file, values), count, free, seed)
+    found.write(file)
+    return found
+
+
+def _designed(
+    scenario: str, changes: Mapping[str, Any], count: int, free: Collection[str], seed: int
+) -> Designed:
     count = check('--design', int, Field('', '', 2, MOST), count)
     seed = check('--seed', int, Field('', '', 0, 2**63 - 1), seed)
     values = resolve(scenario, changes)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from numbers import Real
 from pathlib import Path
@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from parallel_robot.bags.bag_reader import AS_RECORDED, BagView
+from parallel_robot.bags.bag_reader import BagView, view
 from parallel_robot.bags.run import joint_table
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot.bags.run.run_windows import AlikeLines, RunWindows
-from parallel_robot.studies.estimate import OF_BAG, named_errors
+from parallel_robot.studies.estimate import check_files, named_errors
 from parallel_robot.studies.identification import (
     identified,
     least_squares,
@@ -28,8 +28,9 @@ from parallel_robot.studies.identification.physical_robot import Bounds
 from parallel_robot.studies.identification.readable import Identification
 from parallel_robot.studies.identification.regression_rows import CUTOFF, highest_cutoff
 from parallel_robot_model.common.errors import BagError, InputError
-from parallel_robot_model.common.options import refuse
+from parallel_robot_model.common.options import optional_path, path
 from parallel_robot_model.common.units import DEGREES
+from parallel_robot_model.configuration.config import Place
 from parallel_robot_model.configuration.fields import given_zero_angles, group
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.described.robot import DescribedRobot
@@ -45,30 +46,81 @@ _naming = partial(named_errors, f'{least_squares.NOT_THESE_INERTIAS}: {{}}')
 
 @one_blas_thread()
 def identify(
-    bag: Path,
-    validate: Path | None = None,
-    cutoff: float | None = None,
-    view: BagView = AS_RECORDED,
-    bounds: Bounds | None = None,
+    bag: Place,
+    *,
+    validate: Place | None = None,
     hold_out: float = HOLD_OUT,
+    out: Place | None = None,
+    figure: Place | None = None,
+    cutoff: float | None = None,
+    bounds: Mapping[str, tuple[float, float]] | Sequence[str] = (),
+    all: bool = False,
+    torque_constant: float | str | Iterable[float | str] = (),
+    **options: Any,
 ) -> Identification:
-    """Identify the robot of a bag.
+    """Identify inertia and friction of the robot of a bag, as ``parallel_robot identify`` does.
+
+    >>> import parallel_robot as pr
+    >>> heavy = {'true_robot.mp': 4.0}
+    >>> pr.save(pr.simulate('excitation', law='pid', duration=3, **heavy), 'runs/excited')
+    >>> found = pr.identify('runs/excited')
+    >>> round(found.values['robot.mp'], 1)
+    4.0
 
     Args:
-        bag: Directory of the bag, its MCAP file, or a table of joints, CSV or Parquet.
-        validate: Another bag of the same robot, whose torques are predicted, or FROM:TO [s]: that
-            part of the bag, of which `view` leaves another part.
-        cutoff: Bandwidth of the regression [Hz]; None: CUTOFF, or a tenth of the rate.
-        view: What they do not say themselves; the part of it is of the first one.
-        bounds: What is known of the robot: ranges by name.
-        hold_out: Share of the time, at the end, on which a fit to what is before it is judged; 0:
-            the robot is judged on what it was fitted to.
+        bag: Bag with a motion that excites, or a table of it, .csv or .parquet, with a header as
+            t [s], q1 [rad], q2 [rad], tau1 [N m], tau2 [N m].
+        validate: Another bag of the same robot, whose torques are predicted, or FROM:TO [s], a
+            part of this one that `stop` or `start` leaves out.
+        hold_out: Share of the time, at the end, on which a fit to what is before it is judged;
+            default: a third; 0: none.
+        out: YAML file of the robot, for `param_file`, which must not exist; default: none.
+        figure: Picture of the torques, measured and predicted: .png, .pdf, .svg; likewise.
+        cutoff: Bandwidth of the regression [Hz]; default: 10, or a tenth of the rate.
+        bounds: What is known, NAME=LOW:HIGH: mass [kg] of all, payload, m[LINK], x[LINK], y[LINK]
+            or z[LINK], between which [m] a link's mass lies in its frame; may be repeated; in
+            Python ``{'mass': (25, 35)}``.
+        all: Whether all parameters and their intervals are shown.
+        torque_constant: Of the motors of a table with currents, i1 [A] ..., in place of torques:
+            one for all joints, or one for each [N m/A], the gear ratio in it; auto: to be found.
+        options: What a bag does not say itself, see ``load``, and keys of its configuration.
+
+    Returns:
+        The robot as keys of the configuration, ``values``, with tables and warnings.
 
     Raises:
         BagError: one is no bag of a run, too little of it can be used, or of another robot; its
             efforts are no torques, or what is found does not explain them.
-        InputError: a value is wrong, or the robot has no linear model.
+        InputError: a value is wrong, a file cannot be written, or the robot has no linear model.
     """
+    place, second_bag = path('a bag', bag), optional_path('validate', validate)
+    robot_file, picture = optional_path('out', out), optional_path('figure', figure)
+    check_files(robot_file, picture)
+    asked = view(**options)._replace(torque_constant=_constants(torque_constant))
+    limits = bounds if isinstance(bounds, Mapping) else bounds_of(bounds)
+    found = _identified(place, second_bag, cutoff, asked, limits, hold_out)
+    found.all = all
+    found.write(robot_file, picture)
+    return found
+
+
+def _constants(given: float | str | Iterable[float | str]) -> tuple[float | None, ...]:
+    """Torque constants [N m/A], None for those that are to be found."""
+    several = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
+    try:
+        return tuple(None if each == joint_table.AUTO else float(each) for each in several)
+    except (TypeError, ValueError):
+        raise InputError(f'torque_constant must be numbers, not {given!r}') from None
+
+
+def _identified(
+    bag: Path,
+    validate: Path | None,
+    cutoff: float | None,
+    view: BagView,
+    bounds: Bounds,
+    hold_out: float,
+) -> Identification:
     if cutoff is not None and not (isinstance(cutoff, Real) and math.isfinite(cutoff)):
         raise InputError(f'--cutoff must be a frequency in Hz, not {cutoff!r}')
     if not (isinstance(hold_out, Real) and 0.0 <= hold_out <= MOST_HELD_OUT):
@@ -211,17 +263,25 @@ def _looked_through(bag: Path, view: BagView) -> _LookedThrough:
     return run.evaluated(look)
 
 
-def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
-    """Noise of the sensors of a bag, where the robot rests.
+def sensor_noise(bag: Place, **options: Any) -> Rest:
+    """Only the noise of the sensors, of a robot that rests, e.g. whose drives are off.
+
+    >>> import parallel_robot as pr
+    >>> noise = {'sensor.position_noise': 1e-5, 'trajectory.shape': 'hold'}
+    >>> pr.save(pr.simulate('paper_circle', law='pid', duration=2, **noise), 'runs/still')
+    >>> pr.sensor_noise('runs/still').position.shape
+    (3,)
 
     Args:
-        bag: Directory of the bag, or its MCAP file.
-        view: What it does not say itself, and which part is wanted.
+        bag: Directory of the bag, its MCAP file, or a table of joints, CSV or Parquet.
+        options: What it does not say itself, see ``load``, and keys of its configuration.
 
     Raises:
         BagError: it is no bag of a run, or its robot never rests.
+        InputError: a value is wrong.
     """
-    run = RunWindows(bag, view)
+    place = path('a bag', bag)
+    run = RunWindows(place, view(**options))
 
     def look(windows: Iterator[RunLog]) -> Rest | None:
         still = Resting(run.period)
@@ -231,7 +291,7 @@ def at_rest(bag: Path, view: BagView = AS_RECORDED) -> Rest:
 
     found = run.evaluated(look)
     if found is None:
-        raise BagError(f'{bag}: {motor_lag.NO_REST}')
+        raise BagError(f'{place}: {motor_lag.NO_REST}')
     return found
 
 
@@ -262,28 +322,3 @@ def _untold(log: RunLog) -> str:
         line.partition(': ')[2] for line in log.warnings if any(each in line for each in found)
     )
     return next(lines, '')
-
-
-# What identifying is asked for: a robot, only the noise at rest, or an exciting motion.
-
-OF_ROBOT = ('validate', 'figure', 'cutoff', 'bounds', 'hold-out', 'torque-constant')
-
-
-def check_options(options: Mapping[str, Any]) -> None:
-    """Refuse options that do not go together.
-
-    Args:
-        options: What was given, by the names of the command's options; None, False or an empty
-            list or mapping where nothing was.
-
-    Raises:
-        InputError: options do not go together.
-    """
-    if (options['bag'] is None) == (options['design'] is None):
-        raise InputError('identify takes either a bag or --design SCENARIO')
-    if options['design'] is not None:
-        refuse(options, ('rest', *OF_ROBOT, 'scenario', *OF_BAG), '--design reads no bag: no {}')
-        return
-    refuse(options, ('trials', 'seed'), '{} goes with --design alone')
-    if options['rest']:
-        refuse(options, ('out', *OF_ROBOT), '--rest identifies no robot: no {}')

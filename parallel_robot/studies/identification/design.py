@@ -18,14 +18,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from parallel_robot.bags.output import tracked
-from parallel_robot.studies.estimate import WrittenResult, condition_number
+from parallel_robot.studies.estimate import WrittenResult, check_files, condition_number
 from parallel_robot.studies.identification import base_parameters
 from parallel_robot.studies.identification.base_parameters import BaseParameters
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.safety.faults import SafetyParameters
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.options import named, optional_path
 from parallel_robot_model.common.tables import Part, Table
 from parallel_robot_model.common.units import Array
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.fields import Field, check, group
 from parallel_robot_model.processes.blas_threads import one_blas_thread
 from parallel_robot_model.robots.joint_load import FrictionParameters
@@ -52,7 +54,7 @@ class Quality(NamedTuple):
 NOTHING = Quality(0.0, np.inf)
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(repr=False)
 class Designed(WrittenResult):
     """An exciting motion."""
 
@@ -63,6 +65,8 @@ class Designed(WrittenResult):
     robot: RobotModel
     trials: int  # number of motions that were tried
     seed: int  # seed of the search
+
+    content = 'coefficients'
 
     def parts(self) -> list[Part]:
         """What it shows of the parameters, before the search and now."""
@@ -172,17 +176,32 @@ class Excitation:
 
 
 @one_blas_thread()
-def search(
-    scenario: str, changes: Mapping[str, Any], trials: int | None = None, seed: int | None = None
+def exciting_motion(
+    scenario: Place,
+    out: Place | None = None,
+    *,
+    trials: int = TRIALS,
+    seed: int = SEED,
+    param_file: Changes = None,
+    **values: Any,
 ) -> Designed:
-    """Search for coefficients, by an evolution strategy with one parent and one child.
+    """Search for a motion to identify a robot by, as ``parallel_robot identify --design`` does.
+
+    It is an evolution strategy with one parent and one child.
+
+    >>> import parallel_robot as pr
+    >>> motion = pr.exciting_motion('excitation', trials=3)
+    >>> list(motion.groups())
+    ['excitation', 'plant']
 
     Args:
-        scenario: Name or file of a scenario whose motion is an excitation; its coefficients are
-            the first parent.
-        changes: What changes in it.
-        trials: Number of motions to try; None: TRIALS.
-        seed: Seed of the search; None: SEED.
+        scenario: Without a bag: scenario with an exciting trajectory, whose coefficients are the
+            first parent; better ones are searched for and written to `out`.
+        out: YAML file of the motion, for `param_file`, which must not exist; default: none.
+        trials: Number of motions to try; default: 2500.
+        seed: Seed of the search; default: 0.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values.
 
     Raises:
         InputError: a value is wrong, or no motion about this centre is feasible.
@@ -191,8 +210,16 @@ def search(
         Rechenberg (1973), Evolutionsstrategie: the step grows after a success and shrinks
         otherwise, so that about one child in five succeeds.
     """
-    trials = check('--trials', int, Field('', '', 1), TRIALS if trials is None else trials)
-    seed = check('--seed', int, Field('', '', 0), SEED if seed is None else seed)
+    file = optional_path('out', out)
+    check_files(file)
+    found = _searched(named('design', scenario), changes(param_file, values), trials, seed)
+    found.write(file)
+    return found
+
+
+def _searched(scenario: str, changes: Mapping[str, Any], trials: int, seed: int) -> Designed:
+    trials = check('--trials', int, Field('', '', 1), trials)
+    seed = check('--seed', int, Field('', '', 0), seed)
     excitation, rng = Excitation(resolve(scenario, changes)), np.random.default_rng(seed)
     first = np.array([*excitation.start.sine, *excitation.start.cosine])
     found = excitation.reference(*np.split(first, [len(first) // 2]))

@@ -217,11 +217,12 @@ class Rest(ShownResult):
     def as_data(self) -> dict[str, Any]:
         """The same as plain data."""
         unknown = np.isnan(self.velocity).any()
-        return {
+        noise = {
             'duration_s': self.duration,
             self.units.key('position_noise_rad'): self.position.tolist(),
             self.units.key('velocity_noise_rad_s'): None if unknown else self.velocity.tolist(),
         }
+        return {'rest': noise}
 
 
 def rest_of(log: RunLog) -> Rest | None:

@@ -34,7 +34,7 @@ DIGITS = 8  # significant digits of a parameter in a file
 LONG = 12  # numbers of a list, of which beyond that only those that changed are told
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(repr=False)
 class Identification(WrittenResult):
     """What a bag tells of its robot."""
 
@@ -48,6 +48,7 @@ class Identification(WrittenResult):
     lag: MotorLag | None  # that of the motors; None if commands or efforts do not tell it
     constants: TorqueConstants | None  # torque constants that were found, if any were asked for
     warnings: tuple[str, ...]  # what was not used, and what to doubt, one line each
+    all: bool = False  # whether all parameters and their intervals are shown
 
     def groups(self) -> dict[str, dict[str, Any]]:
         """The robot as keys of the configuration, by group."""
@@ -98,6 +99,8 @@ class Identification(WrittenResult):
 
     def parts(self) -> list[Part]:
         """What its owner asks first: how far to believe it, friction, mass, what is not told."""
+        if self.all:
+            return self._all_parts()
         found, joints, fit, robot = self.found, self.joints, self.found.fit, self.found.robot
         units = found.nominal.robot.joint_units
         columns: dict[str, list[str]] = {'joint': [*joints]}
@@ -128,7 +131,7 @@ class Identification(WrittenResult):
             )
         return [*told, 'all parameters and intervals: --all', *self._others()]
 
-    def all_parts(self) -> list[Part]:
+    def _all_parts(self) -> list[Part]:
         """All results as tables."""
         told, held, checked = parts(self.found), self.found.held_out, self.checked
         if held:
@@ -156,8 +159,10 @@ class Identification(WrittenResult):
     def as_data(self) -> dict[str, Any]:
         """The results as plain data, as ``--format json`` has them."""
         data = as_data(self.found, self.checked, self.joints)
-        found = {'rest': self.rest, 'motor_lag': self.lag, 'torque_constants': self.constants}
-        return data | {name: each.as_data() if each else None for name, each in found.items()}
+        rest = self.rest.as_data() if self.rest else {'rest': None}
+        found = {'motor_lag': self.lag, 'torque_constants': self.constants}
+        others = {name: each.as_data() if each else None for name, each in found.items()}
+        return data | rest | others
 
     def draw(self) -> Any:
         """Draw the torques, measured and predicted."""

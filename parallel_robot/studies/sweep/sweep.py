@@ -5,25 +5,120 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from parallel_robot.bags.output import as_it_is
 from parallel_robot.studies.sweep import results, summary
-from parallel_robot.studies.sweep.plan import Plan
+from parallel_robot.studies.sweep.plan import Plan, plan
 from parallel_robot.studies.sweep.run_chunk import tasks
 from parallel_robot.studies.sweep.store import RUNS, Store, schema, table
+from parallel_robot.studies.sweep.study import file_of, parse, read
 from parallel_robot.studies.sweep.summary import Results
-from parallel_robot.studies.sweep.workers import Workers, completed
-from parallel_robot_model.common.errors import RunError, optional
+from parallel_robot.studies.sweep.workers import Cluster, Processes, Workers, completed
+from parallel_robot_control import law_loader
+from parallel_robot_model.common.errors import Frame, InputError, RunError, optional, pandas
+from parallel_robot_model.common.options import named, path
+from parallel_robot_model.common.tables import Part, ShownResult, returning
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.fields import Field, check
 
 MOST_WORKERS = 1024
 FILES = ('summary.txt', 'summary.csv', 'summary.tex', 'summary.html')
 
 
-def sweep(plan: Plan, text: str, directory: Path, workers: Workers, count: int) -> Results:
+@dataclass(frozen=True, repr=False)
+class Swept(ShownResult):
+    """A sweep that has ended."""
+
+    plan: Plan
+    results: Results  # scenario by scenario
+    out: Path  # its directory
+
+    def parts(self) -> list[Part]:
+        """The summary."""
+        return summary.parts(self.plan, self.results)
+
+    def as_data(self) -> list[dict[str, Any]]:
+        """The same as plain data."""
+        return summary.as_data(self.results)
+
+    def file_lines(self) -> list[str]:
+        """Its files."""
+        out, picture = self.out, self.out / 'distributions.png'
+        pages = f'summary {out / "summary.txt"} (.csv, .tex, .html), {picture} (.pdf)'
+        return [f'rows    {out / RUNS}', pages]
+
+    def frame(self) -> Frame:
+        """One row a run."""
+        frame: Frame = pandas().read_parquet(self.out / RUNS)
+        return frame
+
+
+@returning(Swept.frame, pandas)
+def sweep(
+    study: Place | Mapping[str, Any],
+    out: Place,
+    *,
+    runs: int | None = None,
+    laws: Sequence[Place] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    param_file: Changes = None,
+    **values: Any,
+) -> Swept:
+    """Run a study on several cores, or what is left of it, as ``parallel_robot sweep`` does.
+
+    >>> import parallel_robot as pr
+    >>> study = {'scenarios': ['paper_circle'], 'laws': ['smc', 'pid'], 'runs': 1, 'duration': 0.1}
+    >>> pr.sweep(study, 'runs/swept', workers=1).law.tolist()
+    ['smc', 'pid']
+
+    Args:
+        study: File of a study, name of one in ``config/studies``, or its keys and values.
+        out: Directory of the results; new, or that of the same sweep, which is continued.
+        runs: Runs of each law and scenario; default: the study's.
+        laws: In place of the study's, names or files; a name of one of these keeps its gains.
+        workers: Processes; default: one for each core.
+        scheduler: Address of a dask scheduler, on whose cluster it runs instead.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values in all runs.
+
+    Returns:
+        The table of the runs, one row each, as a pandas.DataFrame; see docs/studies.md.
+
+    Raises:
+        InputError: something in the study or in the arguments is wrong.
+        RunError: workers cannot run it, or the disk is full; finished rows are kept.
+    """
+    make, count = workers_of(workers, scheduler)
+    started, directory = make(), path('out', out)
+    if isinstance(study, Mapping):
+        try:
+            text = yaml.safe_dump(dict(study), sort_keys=False)
+        except yaml.YAMLError:
+            what = 'study must hold plain numbers, texts, lists and mappings'
+            raise InputError(what) from None
+        name, folder = 'study', None
+    elif isinstance(study, str | Path):
+        file = file_of(str(study))
+        text, name, folder = read(file), str(file), file.parent
+    else:
+        raise InputError(f'study must be a name, a path or keys and values, not {study!r}')
+    fixed = changes(param_file, values)
+    listed = None if laws is None else [named('law', law) for law in laws]
+    names = None if listed is None else [*map(law_loader.name_of, listed)]
+    fixed |= law_loader.files_of(listed or (), fixed)
+    asked = parse(text, name, folder, names).changed(runs, fixed)
+    planned = plan(asked)
+    return Swept(planned, run(planned, asked.text, directory, started, count), directory)
+
+
+def run(plan: Plan, text: str, directory: Path, workers: Workers, count: int) -> Results:
     """Run what is left of a plan, and summarise it.
 
     Args:
@@ -87,14 +182,28 @@ def default_workers() -> int:
     return len(os.sched_getaffinity(0))
 
 
-def worker_count(workers: int | None, name: str) -> int:
-    """How many workers are asked for, by an option or argument of this name.
+def worker_count(workers: int | None) -> int:
+    """How many workers are asked for.
 
     Raises:
         InputError: they are none, or too many.
     """
     given = default_workers() if workers is None else workers
-    return check(name, int, Field('', '', 1, MOST_WORKERS), given)
+    return check('--workers', int, Field('', '', 1, MOST_WORKERS), given)
+
+
+def workers_of(workers: int | None, scheduler: str | None) -> tuple[Callable[[], Workers], int]:
+    """What makes those who run the work, processes here or a cluster, and how many they are.
+
+    Raises:
+        InputError: the options do not fit together.
+    """
+    if scheduler is not None:
+        if workers is not None:
+            raise InputError('--workers is for processes on this machine, not for --scheduler')
+        return lambda: Cluster(scheduler), 2 * default_workers()
+    count = worker_count(workers)
+    return lambda: Processes(count), count
 
 
 def summarise(plan: Plan, directory: Path) -> Results:
@@ -119,6 +228,6 @@ def summarise(plan: Plan, directory: Path) -> Results:
         except OSError as error:
             with contextlib.suppress(OSError):
                 unfinished.unlink(missing_ok=True)
-            path = directory / name
-            raise RunError(f'cannot write {path}: {error.strerror}; all rows are kept') from None
+            file = directory / name
+            raise RunError(f'cannot write {file}: {error.strerror}; all rows are kept') from None
     return found

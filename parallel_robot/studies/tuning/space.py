@@ -23,6 +23,7 @@ from parallel_robot_model.configuration.fields import (
     build,
     check,
     parameters,
+    plain,
 )
 
 # Where one gain is searched: numbers between limits, or alternatives.
@@ -159,7 +160,7 @@ def space_of(
     name: str,
     law: Law,
     values: Mapping[str, Any],
-    bounds: Sequence[str] = (),
+    bounds: Mapping[str, Any] | Sequence[str] = (),
     search: Sequence[str] = (),
     keep: bool = True,
 ) -> Space:
@@ -174,7 +175,8 @@ def space_of(
         name: Name of the law.
         law: The law.
         values: The resolved configuration.
-        bounds: Words ``GAIN=LOW:HIGH`` that replace these ranges; ``GAIN=VALUE`` fixes a gain.
+        bounds: Gain to a tuple of the ends that replace these ranges, or to a value that fixes it;
+            or words ``GAIN=LOW:HIGH``, ``GAIN=VALUE``.
         search: Keys of other parameters that are varied, e.g. ``estimator.bandwidth``, or
             ``estimator`` for all that have a range; those in `bounds` are, too.
         keep: Whether gains that break a condition of the law are forbidden; if those of the
@@ -302,34 +304,41 @@ def _natural(parameter: Parameter, default: Any, zero: bool) -> Range | Choice |
 
 
 def _given(
-    name: str, known: Mapping[str, Parameter], bounds: Sequence[str]
+    name: str, known: Mapping[str, Parameter], bounds: Mapping[str, Any] | Sequence[str]
 ) -> dict[str, Range | Choice]:
-    """Ranges from words ``GAIN=LOW:HIGH``, ``GAIN=VALUE`` or ``GAIN=ONE:ANOTHER``."""
+    """Ranges from ends, values or alternatives by gain, or words with these."""
     found: dict[str, Range | Choice] = {}
-    for word in bounds:
-        gain, equals, text = word.partition('=')
+    pairs = bounds.items() if isinstance(bounds, Mapping) else map(_pair, bounds)
+    for gain, ends in pairs:
         key = gain.strip().removeprefix(f'{name}.')
-        if not equals or not text:
-            raise InputError(f'--bounds takes GAIN=LOW:HIGH, not {word!r}')
         if key not in known:
             raise UnknownNameError(f'gain of {name}', key, known)
         if key in found:
             raise InputError(f'--bounds names {key} twice')
-        found[key] = _between(f'--bounds {key}', known[key], text.split(':'))
+        values = [*ends] if isinstance(ends, tuple | list) else [ends]
+        found[key] = _between(f'--bounds {key}', known[key], [plain(each) for each in values])
     return found
 
 
-def _between(where: str, parameter: Parameter, parts: list[str]) -> Range | Choice:
+def _pair(word: str) -> tuple[str, list[Any]]:
+    """Gain and values of a word ``GAIN=LOW:HIGH``, ``GAIN=VALUE`` or ``GAIN=ONE:ANOTHER``."""
+    gain, equals, text = word.partition('=')
+    if not equals or not text:
+        raise InputError(f'--bounds takes GAIN=LOW:HIGH, not {word!r}')
+    parts = (yaml_file.parse_assignments([f'value={part}']) for part in text.split(':'))
+    return gain, [part['value'] for part in parts]
+
+
+def _between(where: str, parameter: Parameter, values: list[Any]) -> Range | Choice:
     kind, field = parameter.type, parameter.field
     kind = float if allowed_words(kind) else kind
-    values = [yaml_file.parse_assignments([f'value={part}'])['value'] for part in parts]
     if get_origin(kind) is Literal or kind is bool:
         chosen = tuple(check(where, kind, field, value) for value in values)
         return Choice(tuple(dict.fromkeys(chosen)))
     if kind not in (int, float, PerJoint):
         raise InputError(f'{where}: the gain is not a number')
     if len(values) > 2:
-        raise InputError(f'{where} must be LOW:HIGH, not {":".join(parts)}')
+        raise InputError(f'{where} must be LOW:HIGH, not {":".join(map(str, values))}')
     number = int if kind is int else float
     low, high = (check(where, number, field, value) for value in (values[0], values[-1]))
     if low > high:

@@ -173,11 +173,11 @@ class Weights(NamedTuple):
         return self.error * relative + self.effort * spent
 
 
-def parse_weights(text: str, measure: str) -> Weights:
-    """Weights from ``error=2,chattering=1``.
+def weights_of(given: Mapping[str, float] | str, measure: str) -> Weights:
+    """Weights from a mapping, or from ``error=2,chattering=1``.
 
     Args:
-        text: The words.
+        given: The mapping, or the words.
         measure: What the effort is called.
 
     Raises:
@@ -185,10 +185,11 @@ def parse_weights(text: str, measure: str) -> Weights:
     """
     names = {'error': 'error', measure: 'effort'}
     found: dict[str, float] = {}
-    for word in text.split(','):
+    words = given.split(',') if isinstance(given, str) else [f'{k}={v}' for k, v in given.items()]
+    for word in words:
         name, equals, number = (part.strip() for part in word.partition('='))
         if not equals:
-            raise InputError(f'--weights takes error=NUMBER,{measure}=NUMBER, not {text!r}')
+            raise InputError(f'--weights takes error=NUMBER,{measure}=NUMBER, not {given!r}')
         if name not in names:
             raise UnknownNameError('weight', name, names)
         if names[name] in found:

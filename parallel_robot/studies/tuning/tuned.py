@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from parallel_robot.studies.sweep import study
+from parallel_robot.studies.sweep import study as study_files
 from parallel_robot.studies.sweep.plan import plan
 from parallel_robot.studies.sweep.study import Study, Variant
 from parallel_robot.studies.sweep.sweep import worker_count
@@ -27,135 +27,12 @@ from parallel_robot_model.common.errors import (
     UnknownNameError,
     pandas,
 )
+from parallel_robot_model.common.options import named, path
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.configuration import config
+from parallel_robot_model.configuration.config import Changes, Place, changes
 from parallel_robot_model.configuration.fields import Field, check
 from parallel_robot_model.configuration.plain_data import merged
-
-# What a tuning is asked for, by the options of the command, and what follows.
-
-PATIENCES = 2  # that a search takes unless told: it can show that it has converged
-MOST_UNTIL = 2000  # trials of a search until it has converged
-IMPROVEMENT = 2.0  # percent
-MOST_TRIALS = 100_000
-SEEDS = Field('', '', 0, 2**63 - 1)
-
-
-@dataclass(frozen=True)
-class Asked:
-    """The options of a tuning, as the command has them; see ``parallel_robot tune --help``."""
-
-    law: str
-    scenario: str
-    study: str | None = None
-    runs: int | None = None
-    study_seed: int | None = None
-    duration: float | None = None
-    trials: int | None = None
-    until_converged: bool = False
-    patience: int | None = None
-    improvement: float = IMPROVEMENT
-    seed: int = 0
-    weights: str | None = None
-    bounds: Sequence[str] = ()
-    search: Sequence[str] = ()
-    break_conditions: bool = False
-    pick: int | None = None
-    chattering: float | None = None
-    effort: str | None = None
-    workers: int | None = None
-
-    def tuning(self, fixed: Mapping[str, Any]) -> Tuning:
-        """What is tuned, and how.
-
-        Args:
-            fixed: Keys of the configuration and their values in all runs.
-
-        Raises:
-            InputError: an option is wrong.
-        """
-        law, spent = self.law, self._effort()
-        asked = None
-        if self.weights is not None:
-            asked = trial.parse_weights(self.weights, spent.measure)
-        seed = check('--seed', int, SEEDS, self.seed)
-        custom = {key: fixed[key] for key in config.CUSTOM if key in fixed}
-        known = available(resolve(self.scenario, custom)['custom_laws'])
-        if law not in known:
-            raise UnknownNameError('law', law, known)
-        found = plan(self.varied(fixed))
-        nominal, keep = found.cases[0].nominal, not self.break_conditions
-        space = space_of(law, known[law], nominal, self.bounds, self.search, keep)
-        for each in found.study.uncertainties:
-            if each.key in map(space.key, space.default):
-                raise InputError(f'uncertainty: {each.key} is one of the gains that are tuned')
-        return Tuning(found, space, asked, seed, replace(spent, units=found.units))
-
-    def rule(self, tuning: Tuning) -> trial.Rule:
-        """When the search has converged.
-
-        Raises:
-            InputError: an option is wrong.
-        """
-        patience = self.patience
-        if patience is None:
-            patience = trial.patience_for(len(tuning.space.varied))
-        patience = check('--patience', int, Field('', '', 1, MOST_TRIALS), patience)
-        percent = check('--improvement', float, Field('%', '', 0.0, 100.0), self.improvement)
-        return trial.Rule(patience, percent / 100.0)
-
-    def count(self, rule: trial.Rule) -> int:
-        """How many trials are made at most.
-
-        Raises:
-            InputError: an option is wrong.
-        """
-        trials = self.trials
-        if trials is None:
-            usual = min(PATIENCES * rule.patience, MOST_TRIALS)
-            trials = MOST_UNTIL if self.until_converged else usual
-        trials = check('--trials', int, Field('', '', 1, MOST_TRIALS), trials)
-        if self.pick is not None:
-            check('--pick', int, Field('', '', 0, trials - 1), self.pick)
-        return trials
-
-    def varied(self, fixed: Mapping[str, Any]) -> Study:
-        """The study of the law in the scenario alone.
-
-        Raises:
-            InputError: an option is wrong.
-        """
-        scenarios, laws = (self.scenario,), (Variant(self.law, self.law, {}),)
-        if self.study is not None:
-            file = study.file_of(self.study)
-            given = study.parse(study.read(file), str(file), file.parent)
-            asked = replace(given, scenarios=scenarios, laws=laws, scrambles=1)
-            if self.study_seed is not None:
-                seed = check('--study-seed', int, SEEDS, self.study_seed)
-                asked = replace(asked, seed=seed)
-        elif self.runs is not None:
-            raise InputError('--runs are samples of the uncertainty of a --study')
-        elif self.study_seed is not None:
-            raise InputError('--study-seed is that of the samples of a --study')
-        else:
-            asked = Study(scenarios, laws, 1, 0, 'random', None, {}, ())
-        if self.duration is not None:
-            seconds = check('--duration', float, Field('s', '', 0.0), self.duration)
-            asked = replace(asked, duration=seconds)
-        return asked.changed(self.runs, fixed)
-
-    def _effort(self) -> Effort:
-        """The measure of effort and its limit."""
-        if self.chattering is not None:
-            if self.effort is not None:
-                raise InputError('--chattering is the same as --effort chattering=NM: give one')
-            least = check('--chattering', float, Field('N m', '', 0.0), self.chattering)
-            return Effort(trial.DEFAULT_EFFORT, least)
-        found = Effort() if self.effort is None else trial.parse_effort(self.effort)
-        if found.limit is not None and self.pick is not None:
-            raise InputError('--pick and a limit of --effort exclude each other')
-        return found
-
 
 REASONS = 3  # most frequent reasons of infeasible trials to report
 
@@ -179,6 +56,15 @@ class Tuned(ShownResult):
     def verdict(self) -> Verdict:
         """Whether the search has converged."""
         return self.result.verdict
+
+    def file_lines(self) -> list[str]:
+        """Its files."""
+        files = self.files
+        return [
+            f'gains   {files["tuned.yaml"]}, for nodes {files["tuned_ros.yaml"]}',
+            f'front   {files["front.csv"]} (.svg, .png)',
+            f'trials  {files["trials.csv"]}, {files["convergence.svg"]} (.png)',
+        ]
 
     def front(self) -> Frame:
         """The front as a pandas.DataFrame, as in ``front.csv``."""
@@ -232,38 +118,190 @@ class Tuned(ShownResult):
         ]
 
 
-def tune(asked: Asked, fixed: Mapping[str, Any], out: Path) -> Tuned:
-    """Tune a law, or what is left of it.
+PATIENCES = 2  # that a search takes unless told: it can show that it has converged
+MOST_UNTIL = 2000  # trials of a search until it has converged
+IMPROVEMENT = 2.0  # percent
+MOST_TRIALS = 100_000
+SEEDS = Field('', '', 0, 2**63 - 1)
+
+
+def tune(
+    law: Place,
+    scenario: Place,
+    out: Place,
+    *,
+    study: Place | None = None,
+    runs: int | None = None,
+    study_seed: int | None = None,
+    duration: float | None = None,
+    trials: int | None = None,
+    until_converged: bool = False,
+    patience: int | None = None,
+    improvement: float = IMPROVEMENT,
+    seed: int = 0,
+    weights: Mapping[str, float] | str | None = None,
+    bounds: Mapping[str, Any] | Sequence[str] = (),
+    search: Sequence[str] = (),
+    break_conditions: bool = False,
+    pick: int | None = None,
+    chattering: float | None = None,
+    effort: str | None = None,
+    workers: int | None = None,
+    param_file: Changes = None,
+    **values: Any,
+) -> Tuned:
+    """Tune the gains of a law, or what is left of it, as ``parallel_robot tune`` does.
+
+    >>> import parallel_robot as pr
+    >>> bounds = {'z': (10, 50), 'G': 12}
+    >>> found = pr.tune(
+    ...     'smc', 'paper_circle', 'runs/tuned', duration=0.2, trials=2, workers=1, bounds=bounds
+    ... )
+    >>> found.values['smc.G'], len(found.trials())
+    (12.0, 2)
 
     Args:
-        asked: The options; its law may be a file.
-        fixed: Keys of the configuration and their values in all runs.
+        law: Control law, or its file in Python.
+        scenario: Name of a scenario in ``config/scenarios``, or the path of a YAML file.
         out: Directory of the results; new, or that of the same tuning, which is continued.
+        study: File of a study, or name of one in ``config/studies``, of which uncertainty,
+            samples, duration and fixed keys are taken; default: one exact run.
+        runs: Samples; default: the study's.
+        study_seed: Seed of the samples; default: the study's; with another one, `sweep` of the
+            study shows the gains on samples that the search has not seen.
+        duration: Length of each run [s]; default: as of the study.
+        trials: In total, at most; default: 2 times `patience`, so that the search can converge;
+            with `until_converged` 2000.
+        until_converged: Whether it ends when the best has hardly improved for a while.
+        patience: How many trials that is; default: 20 for each gain that is searched, at least
+            120.
+        improvement: What is hardly an improvement [%]; default: 2.
+        seed: Of the search; default: 0.
+        weights: Of error and effort, e.g. error=2,chattering=1: one objective, relative to the
+            default gains, in place of a Pareto front; in Python a mapping.
+        bounds: Where a gain is searched, GAIN=LOW:HIGH; GAIN=VALUE fixes it; may be repeated; in
+            Python ``{'z': (10, 50), 'G': 12}``.
+        search: Key that is searched beside the gains, e.g. estimator.bandwidth; estimator stands
+            for all of its parameters; may be repeated.
+        break_conditions: Whether gains are tried, too, that break a condition of the law, of which
+            it warns.
+        pick: Number of the trial of the front that is taken; default: its knee.
+        chattering: The same as `effort` chattering=LIMIT [N m].
+        effort: MEASURE[=LIMIT], what the error is traded against: chattering, excess_chattering,
+            torque_max, torque_rms, total_variation or energy; default: chattering. With a limit,
+            the least error within it is taken: laws tuned with the same limit are compared at
+            equal effort.
+        workers: Processes; default: one for each core.
+        param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
+        values: Keys of the configuration and their values in all runs.
+
+    Returns:
+        The gains that are taken as keys of the configuration, ``values``; its ``trials()`` and
+        ``front()`` as tables, and whether the search has converged, ``verdict``.
 
     Raises:
-        InputError: an option is wrong, or the directory is of another tuning.
+        InputError: something in the arguments is wrong, or the directory is of another tuning.
         RunError: workers cannot run it, all trials are infeasible, or the disk is full; finished
             trials are kept.
     """
+    for what, wanted in (('weights', weights), ('bounds', None if bounds == () else bounds)):
+        kinds = (Mapping, str) if what == 'weights' else (Mapping, list, tuple)
+        if wanted is not None and not isinstance(wanted, kinds):
+            raise InputError(f'{what} must be names and values, not {wanted!r}')
+    if isinstance(search, str):
+        raise InputError(f'search must be a list of keys, not {search!r}')
+    file, where, directory = named('law', law), named('scenario', scenario), path('out', out)
+    fixed = changes(param_file, values)
     library()
-    files = law_loader.files_of([asked.law], fixed)
-    tuning = replace(asked, law=law_loader.name_of(asked.law)).tuning(merged([fixed, files]))
-    rule = asked.rule(tuning)
-    count, workers = asked.count(rule), Processes(worker_count(asked.workers, '--workers'))
-    fields = unit_of(tuning.law)
-    with Store(out, tuning.identity()) as store:
-        found = run(tuning, store, count, workers, rule if asked.until_converged else None)
+    fixed, name = merged([fixed, law_loader.files_of([file], fixed)]), law_loader.name_of(file)
+    spent = _effort(effort, chattering, pick)
+    weighed = None if weights is None else trial.weights_of(weights, spent.measure)
+    check('--seed', int, SEEDS, seed)
+    custom = {key: fixed[key] for key in config.CUSTOM if key in fixed}
+    known = available(resolve(where, custom)['custom_laws'])
+    if name not in known:
+        raise UnknownNameError('law', name, known)
+    planned = plan(study_of(name, where, fixed, study, runs, study_seed, duration))
+    nominal = planned.cases[0].nominal
+    space = space_of(name, known[name], nominal, bounds, search, not break_conditions)
+    for each in planned.study.uncertainties:
+        if each.key in map(space.key, space.default):
+            raise InputError(f'uncertainty: {each.key} is one of the gains that are tuned')
+    tuning = Tuning(planned, space, weighed, seed, replace(spent, units=planned.units))
+    rule = _rule(patience, improvement, len(space.varied))
+    if trials is None:
+        trials = MOST_UNTIL if until_converged else min(PATIENCES * rule.patience, MOST_TRIALS)
+    check('--trials', int, Field('', '', 1, MOST_TRIALS), trials)
+    if pick is not None:
+        check('--pick', int, Field('', '', 0, trials - 1), pick)
+    processes, fields = Processes(worker_count(workers)), unit_of(tuning.law)
+    with Store(directory, tuning.identity()) as store:
+        found = run(tuning, store, trials, processes, rule if until_converged else None)
         points = front(found)
         if not points:
             reason = next(iter(infeasible(found)))
             raise RunError(f'all {len(found)} trials are infeasible, most of them: {reason}')
-        chosen, why = choose(points, found[0], tuning.weights, asked.pick, tuning.effort)
+        chosen, why = choose(points, found[0], tuning.weights, pick, tuning.effort)
         result = Result(found, points, chosen, why, tuning.judge(found, rule))
-        written = {path.name: path for path in output.write(tuning, store, fields, result)}
-    joints = len(tuning.nominal['joints'])
-    doubted = doubts(tuning.space, tuning.law, chosen.gains, joints)
-    warnings = (*doubted, *at_ends(tuning.space, chosen.gains, fields))
+        written = {each.name: each for each in output.write(tuning, store, fields, result)}
+    doubted = doubts(space, tuning.law, chosen.gains, len(tuning.nominal['joints']))
+    warnings = (*doubted, *at_ends(space, chosen.gains, fields))
     return Tuned(tuning, result, warnings, written)
+
+
+def _effort(effort: str | None, chattering: float | None, pick: int | None) -> Effort:
+    """The measure of effort and its limit."""
+    if chattering is not None:
+        if pick is not None:
+            raise InputError('--chattering: not allowed with argument --pick')
+        if effort is not None:
+            raise InputError('--chattering is the same as --effort chattering=NM: give one')
+        least = check('--chattering', float, Field('N m', '', 0.0), chattering)
+        return Effort(trial.DEFAULT_EFFORT, least)
+    found = Effort() if effort is None else trial.parse_effort(named('effort', effort))
+    if found.limit is not None and pick is not None:
+        raise InputError('--pick and a limit of --effort exclude each other')
+    return found
+
+
+def _rule(patience: int | None, improvement: float, gains: int) -> trial.Rule:
+    """When the search of so many gains has converged."""
+    given = trial.patience_for(gains) if patience is None else patience
+    trials = check('--patience', int, Field('', '', 1, MOST_TRIALS), given)
+    percent = check('--improvement', float, Field('%', '', 0.0, 100.0), improvement)
+    return trial.Rule(trials, percent / 100.0)
+
+
+def study_of(
+    law: str,
+    scenario: str,
+    fixed: Mapping[str, Any],
+    judge: Place | None = None,
+    runs: int | None = None,
+    seed: int | None = None,
+    duration: float | None = None,
+) -> Study:
+    """The study of a law in a scenario alone, with the samples of another; see :func:`tune`.
+
+    Raises:
+        InputError: an option is wrong.
+    """
+    scenarios, laws = (scenario,), (Variant(law, law, {}),)
+    if judge is not None:
+        file = study_files.file_of(named('study', judge))
+        given = study_files.parse(study_files.read(file), str(file), file.parent)
+        asked = replace(given, scenarios=scenarios, laws=laws, scrambles=1)
+        if seed is not None:
+            asked = replace(asked, seed=check('--study-seed', int, SEEDS, seed))
+    elif runs is not None:
+        raise InputError('--runs are samples of the uncertainty of a --study')
+    elif seed is not None:
+        raise InputError('--study-seed is that of the samples of a --study')
+    else:
+        asked = Study(scenarios, laws, 1, 0, 'random', None, {}, ())
+    if duration is not None:
+        asked = replace(asked, duration=check('--duration', float, Field('s', '', 0.0), duration))
+    return asked.changed(runs, fixed)
 
 
 def _short(value: Any) -> str:
