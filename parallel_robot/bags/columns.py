@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -16,6 +17,7 @@ from parallel_robot_model.processes.user_directory import user_directories
 from parallel_robot_sim.motions import Motion, Motions
 
 SMALL = 1 << 24  # bytes that are held in memory; what is longer is in files
+MOUNTS = Path('/proc/self/mounts')
 IN_MEMORY = ('tmpfs', 'ramfs')  # file systems whose files are no less memory
 BLOCK = 1 << 17  # rows that are looked at at once
 
@@ -37,6 +39,7 @@ class Columns:
         self._what = what
         self._parts: dict[str, list[Array]] = {}  # in memory
         self._files: dict[str, IO[bytes]] = {}
+        self._rows: Counter[str] = Counter()  # of each array
         self._held = 0  # bytes in memory
 
     def add(self, rows: dict[str, Array]) -> None:
@@ -50,6 +53,7 @@ class Columns:
         """
         for name, array in rows.items():
             self._parts.setdefault(name, []).append(np.array(array))
+            self._rows[name] += len(array)
             self._held += array.nbytes
         if self._held > SMALL:
             self._write()
@@ -61,14 +65,12 @@ class Columns:
         return {name: self._array(name, parts) for name, parts in self._parts.items()}
 
     def _array(self, name: str, parts: list[Array]) -> Array:
-        last = parts[-1]
         if name not in self._files:
             return np.concatenate(parts)
-        count = os.fstat(self._files[name].fileno()).st_size // last.dtype.itemsize
-        if not count:
-            return last[:0]
-        found: Array = np.memmap(self._files[name], last.dtype, 'r+', shape=(count,))
-        return found.reshape(-1, *last.shape[1:])
+        shape = self._rows[name], *parts[-1].shape[1:]
+        if 0 in shape:  # nothing that could be mapped
+            return np.empty(shape, parts[-1].dtype)
+        return np.memmap(self._files[name], parts[-1].dtype, 'r+', shape=shape)
 
     def _write(self) -> None:
         """Move all rows into files."""
@@ -99,7 +101,7 @@ def disk_directory() -> Path:
 def _is_memory(place: Path) -> bool:
     """Whether files in a directory take up memory."""
     try:
-        mounts = [line.split() for line in Path('/proc/self/mounts').read_text().splitlines()]
+        mounts = [line.split() for line in MOUNTS.read_text().splitlines()]
     except OSError:
         return False
     kinds = {mount[1]: mount[2] for mount in mounts}
