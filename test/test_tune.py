@@ -21,7 +21,7 @@ from parallel_robot.studies.tuning.space import (
     unit_of,
 )
 from parallel_robot.studies.tuning.trial import Effort, Rule, Trial, distributions, within
-from parallel_robot.studies.tuning.tune import infeasible
+from parallel_robot.studies.tuning.tune import Store, infeasible
 from parallel_robot.studies.tuning.tuned import study_of
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.estimation.estimator import EstimatorParameters
@@ -250,6 +250,28 @@ def test_a_gain_at_an_end_of_its_range_is_named_and_how_to_widen_it():
     default = exponents.gains(exponents.start())
     (text,) = at_ends(exponents, default | {'gamma1': 0.99}, unit_of(LAWS['s_fotsmc']))
     assert text.endswith('beyond which it has no meaning')
+
+
+def test_a_trial_that_was_cut_off_is_lost_alone_and_a_broken_line_is_refused(tmp_path):
+    trials = [
+        Trial(0, None, {'Kp': 1.0}, violation=0.5, reason='fault'),
+        Trial(1, {'Kp': 0.1 + 0.2, 'n': 3}, {'Kp': 0.1 + 0.2, 'n': 3}, 1e-3, 0.25),
+        Trial(2, {'Kp': 2.0, 'n': 4}, {'Kp': 2.0, 'n': 4}, 2e-3, 0.5),
+    ]
+    with Store(tmp_path, {'law': 'pid'}) as store:
+        for each in trials:
+            store.add(each)
+    lines = tmp_path / 'trials.jsonl'
+    lines.write_bytes(lines.read_bytes()[:-5])
+    with Store(tmp_path, {'law': 'pid'}) as store:
+        assert store.trials == {0: trials[0], 1: trials[1]}
+        store.add(trials[2])
+    with Store(tmp_path, {'law': 'pid'}) as store:
+        assert [*store.trials.values()] == trials
+    for broken in ('{"number": 0}\n', 'no JSON\n'):
+        lines.write_text(broken)
+        with pytest.raises(InputError, match='cannot be read; choose another --out'):
+            Store(tmp_path, {'law': 'pid'}).__enter__()
 
 
 def test_a_condition_of_the_law_is_kept_where_the_default_keeps_it():
