@@ -226,7 +226,7 @@ def _run_left(
         for condition in every
         for task in _tasks(condition, protocol, laws, gains, store, entries)
     )
-    with progress(count, store.runs.__len__, 'run') as bar, workers as started:
+    with progress(count, lambda: len(store.runs), 'run') as bar, workers as started:
         for task, outcomes in completed(started, tasks):
             found: dict[RunKey, RunFigures] = {}
             limits: dict[int, Calm | None] = {}

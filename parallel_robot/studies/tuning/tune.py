@@ -198,7 +198,7 @@ def run(
             f'{store.directory} holds {held} trials, --trials must be at least that, not {count}'
         )
     if not _finished(tuning, store, count, until):
-        with progress(count, store.trials.__len__, 'trial') as bar, workers as started:
+        with progress(count, lambda: len(store.trials), 'trial') as bar, workers as started:
             for batch in range(-(-count // BATCH)):
                 for _ in _run_batch(tuning, store, batch, count, started):
                     bar.update(1)
