@@ -15,44 +15,33 @@ from typing import TYPE_CHECKING, Any
 import parallel_robot_model  # noqa: F401, before Numba
 
 PLACES = {  # what is offered, and its module
-    'BagError': 'parallel_robot_model.common.errors',
-    'InputError': 'parallel_robot_model.common.errors',
-    'ParallelRobotError': 'parallel_robot_model.common.errors',
-    'Run': 'parallel_robot_sim.scenario_run',
-    'RunError': 'parallel_robot_model.common.errors',
-    'benchmark': 'parallel_robot.studies.benchmark.benchmark',
-    'calibrate': 'parallel_robot.studies.calibration.bag_calibration',
-    'calibration_poses': 'parallel_robot.studies.calibration.design',
-    'check_score': 'parallel_robot.studies.benchmark.benchmark',
-    'compare': 'parallel_robot.python.notebook',
-    'exciting_motion': 'parallel_robot.studies.identification.design',
-    'export': 'parallel_robot.analysis.export',
-    'fronts': 'parallel_robot.python.studies',
-    'get_include': 'parallel_robot_control.foreign.c_law',
-    'grid': 'parallel_robot.python.notebook',
-    'identify': 'parallel_robot.studies.identification.bag_identification',
-    'laws': 'parallel_robot.python.written_tables',
-    'limit': 'parallel_robot.studies.least_errors',
-    'linearise': 'parallel_robot.python.spectra',
-    'load': 'parallel_robot.python.notebook',
-    'metrics': 'parallel_robot.python.notebook',
-    'plot': 'parallel_robot.python.notebook',
-    'recover': 'parallel_robot.bags.writing.recovery',
-    'replay': 'parallel_robot.analysis.replay.bag_replay',
-    'report': 'parallel_robot.analysis.report.report_files',
-    'rerun': 'parallel_robot.analysis.replay.bag_rerun',
-    'save': 'parallel_robot.python.notebook',
-    'scenarios': 'parallel_robot.python.written_tables',
-    'sensor_noise': 'parallel_robot.studies.identification.bag_identification',
-    'show': 'parallel_robot.python.descriptions',
-    'simulate': 'parallel_robot_sim.scenario_run',
-    'spectrum': 'parallel_robot.python.spectra',
-    'sweep': 'parallel_robot.studies.sweep.sweep',
-    'table': 'parallel_robot.python.written_tables',
-    'tune': 'parallel_robot.studies.tuning.tuned',
-    'urdf': 'parallel_robot.python.descriptions',
-    'verify': 'parallel_robot.studies.verification',
-    'video': 'parallel_robot.analysis.video_file',
+    name: module
+    for module, names in {
+        'parallel_robot.analysis.export': 'export',
+        'parallel_robot.analysis.replay.bag_replay': 'replay',
+        'parallel_robot.analysis.replay.bag_rerun': 'rerun',
+        'parallel_robot.analysis.report.report_files': 'report',
+        'parallel_robot.analysis.video_file': 'video',
+        'parallel_robot.bags.writing.recovery': 'recover',
+        'parallel_robot.python.descriptions': 'show urdf',
+        'parallel_robot.python.notebook': 'compare grid load metrics plot save',
+        'parallel_robot.python.spectra': 'linearise spectrum',
+        'parallel_robot.python.written_tables': 'laws scenarios table',
+        'parallel_robot.studies.benchmark.benchmark': 'benchmark check_score',
+        'parallel_robot.studies.calibration.bag_calibration': 'calibrate',
+        'parallel_robot.studies.calibration.design': 'calibration_poses',
+        'parallel_robot.studies.identification.bag_identification': 'identify sensor_noise',
+        'parallel_robot.studies.identification.design': 'exciting_motion',
+        'parallel_robot.studies.least_errors': 'limit',
+        'parallel_robot.studies.sweep.sweep': 'sweep',
+        'parallel_robot.studies.tuning.tuned': 'tune',
+        'parallel_robot.studies.tuning.front': 'fronts',
+        'parallel_robot.studies.verification': 'verify',
+        'parallel_robot_control.foreign.c_law': 'get_include',
+        'parallel_robot_model.common.errors': 'BagError InputError ParallelRobotError RunError',
+        'parallel_robot_sim.scenario_run': 'Run simulate',
+    }.items()
+    for name in names.split()
 }
 __all__ = [
     'BagError', 'InputError', 'ParallelRobotError', 'Run', 'RunError', 'benchmark', 'calibrate',
@@ -79,7 +68,6 @@ if TYPE_CHECKING:
         save,
     )
     from parallel_robot.python.spectra import linearise, spectrum
-    from parallel_robot.python.studies import fronts
     from parallel_robot.python.written_tables import laws, scenarios, table
     from parallel_robot.studies.benchmark.benchmark import benchmark, check_score
     from parallel_robot.studies.calibration.bag_calibration import calibrate
@@ -88,6 +76,7 @@ if TYPE_CHECKING:
     from parallel_robot.studies.identification.design import exciting_motion
     from parallel_robot.studies.least_errors import limit
     from parallel_robot.studies.sweep.sweep import sweep
+    from parallel_robot.studies.tuning.front import fronts
     from parallel_robot.studies.tuning.tuned import tune
     from parallel_robot.studies.verification import verify
     from parallel_robot_control.foreign.c_law import get_include

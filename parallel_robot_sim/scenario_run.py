@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from parallel_robot_control import law_loader
 from parallel_robot_control.configuration import resolve
 from parallel_robot_control.messages import limits_text
-from parallel_robot_model.common.errors import Frame, pandas, printable
+from parallel_robot_model.common.errors import Frame, InputError, pandas, printable
 from parallel_robot_model.common.options import named
 from parallel_robot_model.common.units import NANOSECONDS, Array, JointUnits
 from parallel_robot_model.configuration.config import Changes, changes
-from parallel_robot_model.configuration.plain_data import merged
+from parallel_robot_model.configuration.plain_data import LocatedDict, merged
 from parallel_robot_model.robots.registry import is_known, robot_of, units_of
 from parallel_robot_sim import simulation
 from parallel_robot_sim.configuration import configure
@@ -182,6 +182,7 @@ def simulate(
     law: File | None = None,
     duration: float | None = None,
     hold: float | None = None,
+    fit_speed: float | None = None,
     param_file: Changes = None,
     **values: Any,
 ) -> Run:
@@ -200,6 +201,8 @@ def simulate(
         duration: Length of the run [s]; default: that of the scenario, else that of its motion,
             else 12.
         hold: Time for which the robot is held where its motion ended [s]; default: none.
+        fit_speed: Share, e.g. 0.5, of the fastest speed that limits of joint speed and torque
+            allow, at which the motion runs; default: as the scenario says.
         param_file: YAML file or mapping of keys of the configuration, or several; later ones win.
         values: Keys of the configuration and their values; they win over `param_file`.
 
@@ -213,9 +216,27 @@ def simulate(
     of_law = {} if law is None else law_loader.chosen(named('law', law), changed)
     of_run = {} if duration is None else {'duration': duration}
     changed = merged([changed, of_law, of_run])
+    if fit_speed is not None:
+        changed, _ = fitted(name, changed, fit_speed)
     changed = with_duration(name, changed, hold)
     resolved = resolve(name, changed | {'time_mode': 'lockstep'})  # whose stamps a bag of it has
     return run_of(resolved, simulation.simulate(configure(resolved)))
+
+
+def fitted(scenario: str, changed: LocatedDict, share: float) -> tuple[LocatedDict, str]:
+    """Changes with the motion at a share of its fastest feasible speed, and that in words.
+
+    Raises:
+        InputError: the share is none, or the motion has no such speed.
+    """
+    from parallel_robot_sim.fastest import FACTOR, fastest  # few need it
+
+    if not 0.0 < share <= 1.0:
+        raise InputError(f'--fit-speed must be a share above 0, up to 1, not {share:g}')
+    found = fastest(configure(resolve(scenario, with_duration(scenario, changed))))
+    factor = share * found.factor
+    told = f'{FACTOR}={factor:.6g}; at {found.factor:.4g} {found.text}'
+    return changed | {FACTOR: factor}, told
 
 
 def run_of(values: Mapping[str, Any], made: Simulation) -> Run:

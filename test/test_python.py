@@ -134,6 +134,16 @@ def test_a_run_without_a_duration_has_two_turns_of_the_circle():
     assert simulate('paper_circle').time[-1] == DURATION == 12.0
 
 
+def test_a_motion_is_fitted_as_on_the_command_line(tmp_path, capsys):
+    run = simulate('paper_circle', duration=0.05, fit_speed=0.5)
+    words = ['paper_circle', '--duration', '0.05', '--fit-speed', '0.5', '--out']
+    assert command_line.main(['simulate', *words, str(tmp_path / 'bag')]) == 0
+    factor = run.values['trajectory.speed_factor']
+    assert f'trajectory.speed_factor={factor:.6g}; at ' in capsys.readouterr().err
+    with pytest.raises(InputError, match='share above 0, up to 1, not 2'):
+        simulate('paper_circle', fit_speed=2)
+
+
 def test_a_robot_that_moves_in_no_plane_has_metrics_and_a_picture():
     run = simulate('axes_step', duration=0.2)
     assert run.place == 0
@@ -384,6 +394,7 @@ CALLS = {  # a call of the function of each command, beside the words of the com
     'benchmark': None,  # takes a minute; see test_benchmark
     'calibrate': None,  # see test_calibrate
     'export': (['{bag}', '--out', 'out.csv'], (), {'out': 'out.csv'}),
+    'fronts': None,  # see test_fronts
     'identify': (
         ['{excited}', '--hold-out', '0.2', '--cutoff', '9', '--all', '--out', 'out.yaml'],
         ('{excited}',),

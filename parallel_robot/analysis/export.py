@@ -126,7 +126,8 @@ def exported(
     if file and copy:
         raise InputError('--foxglove: not allowed with argument --out')
     if not (file or copy):
-        raise InputError('one of the arguments --out --foxglove is required')
+        what = 'one of the arguments --out --foxglove is required'
+        raise InputError(f'{what}; parallel_robot export --help lists what it takes')
     if file:
         table.check_table_file(file)
     asked = view(**options)

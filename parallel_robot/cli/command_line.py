@@ -120,8 +120,8 @@ COMMANDS = {
 
 
 FUNCTIONS = (  # commands of the functions of their names
-    'benchmark', 'calibrate', 'export', 'identify', 'limit', 'recover', 'replay', 'report',
-    'sweep', 'tune', 'urdf', 'verify', 'video',
+    'benchmark', 'calibrate', 'export', 'fronts', 'identify', 'limit', 'recover', 'replay',
+    'report', 'sweep', 'tune', 'urdf', 'verify', 'video',
 )  # fmt: skip
 ABOVE = {'live': 'parallel_robot.live.command'}  # commands of packages above this one
 

@@ -38,8 +38,8 @@ from parallel_robot_model.configuration.hazards import parse
 from parallel_robot_model.configuration.loop import DURATION, length
 from parallel_robot_model.configuration.plain_data import LocatedDict, merged
 from parallel_robot_sim.configuration import configure
-from parallel_robot_sim.fastest import FACTOR, fastest
 from parallel_robot_sim.motions import of_simulation
+from parallel_robot_sim.scenario_run import fitted
 from parallel_robot_sim.simulation import (
     RunSummary,
     Simulation,
@@ -134,22 +134,9 @@ def overrides(arguments: argparse.Namespace) -> LocatedDict:
     changed |= law_loader.files_of(getattr(arguments, 'laws', None) or (), changed)
     share, scenario = getattr(arguments, 'fit_speed', None), arguments.scenario
     if share is not None:
-        changed = _fitted(scenario, changed, share)
+        changed, told = fitted(scenario, changed, share)
+        print(told, file=sys.stderr)
     return with_duration(scenario, changed, getattr(arguments, 'hold', None))
-
-
-def _fitted(scenario: str, changed: LocatedDict, share: float) -> LocatedDict:
-    """Changes with the motion at a share of its fastest feasible speed.
-
-    Raises:
-        InputError: the share is none, or the motion has no such speed.
-    """
-    if not 0.0 < share <= 1.0:
-        raise InputError(f'--fit-speed must be a share above 0, up to 1, not {share:g}')
-    found = fastest(configure(resolve(scenario, with_duration(scenario, changed))))
-    factor = share * found.factor
-    print(f'{FACTOR}={factor:.6g}; at {found.factor:.4g} {found.text}', file=sys.stderr)
-    return changed | {FACTOR: factor}
 
 
 def remarks(simulation: Simulation, summary: RunSummary) -> list[str]:

@@ -21,9 +21,11 @@ from parallel_robot.studies.tuning.trial import MEASURES, Effort, Trial, Weights
 from parallel_robot.studies.tuning.tune import Store
 from parallel_robot_control.laws import PAPER
 from parallel_robot_model.common.errors import InputError
+from parallel_robot_model.common.options import path
 from parallel_robot_model.common.tables import Part, ShownResult, Table
 from parallel_robot_model.common.units import BOTH, HINGES, PRISMATIC, JointUnits
 from parallel_robot_model.configuration import yaml_file
+from parallel_robot_model.configuration.config import Place
 
 
 def front(trials: Iterable[Trial]) -> list[Trial]:
@@ -221,6 +223,10 @@ class Compared(ShownResult):
     fronts: Sequence[Front]
     out: Path  # the picture that was written
 
+    def file_lines(self) -> list[str]:
+        """The file that was written."""
+        return [f'fronts  {self.out}']
+
     def parts(self) -> list[Part]:
         """The trials that were taken."""
         quantities = self.fronts[0].effort, self.fronts[0].error
@@ -249,24 +255,34 @@ class Compared(ShownResult):
         ]
 
 
-def compare(directories: Sequence[Path], out: Path, option: str = 'out') -> Compared:
-    """Draw the fronts of some tunings.
+def fronts(directories: Iterable[Place], out: Place) -> Compared:
+    """Draw the fronts of several tunings in one picture, as ``parallel_robot fronts`` does.
+
+    >>> import parallel_robot as pr
+    >>> chosen = {'trials': 16, 'duration': 1, 'bounds': {'z': (10, 50)}}
+    >>> tuned = pr.tune('smc', 'paper_circle', 'runs/fronts', **chosen)
+    >>> pr.fronts(['runs/fronts'], 'runs/fronts.png').out.name
+    'fronts.png'
 
     Args:
-        directories: Each the results of a tuning that has ended.
-        out: A picture, of a suffix in FORMATS; must not exist.
-        option: What `out` is called in messages.
+        directories: Those of the results of `tune` that have ended.
+        out: Picture, .png or .svg; must not exist.
+
+    Returns:
+        What the command prints; ``as_data()`` has the figures.
 
     Raises:
-        InputError: one has no front, they cannot be compared, or the file cannot be written.
+        InputError: one is no directory of a tuning that has ended, they cannot be compared, or the
+            file cannot be written.
         RunError: the disk is full.
     """
+    folders, out = [path('a directory', each) for each in directories], path('out', out)
     if out.suffix not in FORMATS:
-        raise InputError(f'{option} must end with {" or ".join(FORMATS)}, not {out.name!r}')
-    check_new(out, option)
-    if not directories:
+        raise InputError(f'--out must end with {" or ".join(FORMATS)}, not {out.name!r}')
+    check_new(out, '--out')
+    if not folders:
         raise InputError('directories of tunings are needed')
-    found = [read_front(directory) for directory in directories]
+    found = [read_front(folder) for folder in folders]
     check_fronts(found)
     save(out, draw_fronts(found)[out.suffix.removeprefix('.')])
     return Compared(found, out)
