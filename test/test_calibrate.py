@@ -507,8 +507,8 @@ def test_a_fit_that_leaves_most_is_no_result(case, tmp_path, capsys):
 def test_a_signal_in_machine_code_ends_the_command(monkeypatch, capsys):
     """Python tells it as the cause of another error."""
 
-    def interrupted(*_, **__):
+    def interrupted(*_):
         raise SystemError('returned a result with an exception set') from Terminated(15)
 
-    monkeypatch.setattr(bag_calibration, 'calibrate', interrupted)
+    monkeypatch.setattr(bag_calibration, '_calibrated', interrupted)
     assert run('calibrate', 'bag') == 143 and not capsys.readouterr().err
