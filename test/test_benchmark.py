@@ -171,7 +171,7 @@ def test_what_differs_is_one_line_whatever_the_file_says():
 
 def test_a_score_is_checked_by_running_it_again(whole, protocol_file, tmp_path):
     _, out = whole
-    found = benchmark.checked(out / 'score.json', str(protocol_file), (), tmp_path / 'a', Inline)
+    found = benchmark._checked(out / 'score.json', str(protocol_file), (), tmp_path / 'a', Inline)
     assert not found.differences and 'same to the last digit' in found.parts()[0]
 
 
@@ -183,7 +183,7 @@ def test_a_score_of_another_protocol_is_told_before_anything_is_run(
     changed['protocol'][name] = 2
     path = tmp_path / 'score.json'
     path.write_text(json.dumps(changed))
-    found = benchmark.checked(path, str(protocol_file), (), tmp_path / 'a', pytest.fail)
+    found = benchmark._checked(path, str(protocol_file), (), tmp_path / 'a', pytest.fail)
     what, line = found.parts()
     assert 'nothing was run' in what and line.startswith(f'  protocol.{name}: 2 in the file, ')
     assert not (tmp_path / 'a').exists()

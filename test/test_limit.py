@@ -11,6 +11,7 @@ from parallel_robot.studies.calm import WHOLE, least_error
 from parallel_robot.studies.limit import LinearMotion, Noise, errors, least, linearise, noise_of
 from parallel_robot.studies.sweep import study
 from parallel_robot.studies.sweep.plan import Plan, plan
+from parallel_robot.studies.sweep.results import ERRORS
 from parallel_robot.studies.sweep.run_chunk import run_chunk
 from parallel_robot_control.configuration import resolve
 from parallel_robot_model.configuration import config
@@ -245,8 +246,8 @@ def test_no_law_is_below_the_limit(name, every):
         for row, outcome, limit in zip(rows, ran, limits[leader], strict=True):
             if outcome.metrics is None:
                 continue
-            steady = outcome.metrics.steady
-            error = steady.joint_rms_rad if np.isnan(steady.xy_rms_m) else steady.xy_rms_m
+            errors = (metric.of(outcome.metrics) for metric in ERRORS)
+            error = next(each for each in errors if not np.isnan(each))
             if not error >= limit:
                 below.append((row.law, row.scenario, row.sample, error, limit))
     assert limits and not below

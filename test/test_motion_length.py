@@ -74,7 +74,8 @@ def test_figures_of_a_motion_are_the_same_with_a_hold(tmp_path, capsys):
     held, alone = (simulate('paper_circle', hold=hold, **LINE) for hold in (0.3, None))
     assert held.time[-1] == pytest.approx(0.7) and alone.time[-1] == pytest.approx(0.4)
     found, expected = metrics(held), metrics(alone)
-    assert found.steady == expected.steady and found.transient == expected.transient
+    for group in ('steady', 'transient'):
+        assert as_data(found)[group] == as_data(expected)[group]
     assert found.window[:3] == pytest.approx((0.2, 0.4, 0.7))
     assert metrics(held, start=0.4).window[:2] == pytest.approx((0.4, 0.7))
     words = [word for key, value in LINE.items() for word in ('--set', f'{key}={value}')]
