@@ -23,8 +23,8 @@ from rows import row, show
 from parallel_robot.studies.calibration import least_squares, pose_model
 from parallel_robot.studies.calibration.design import (
     Designed,
+    calibration_poses,
     candidates,
-    design,
     joints_within_reach,
 )
 from parallel_robot.studies.calibration.pose_model import JointTrack, MeasuredPoses, PoseModel
@@ -79,7 +79,7 @@ def campaign(scenario: str, robots: int, poses: int) -> list[Found]:
     """Calibrate robots, one after another."""
     values = resolve(scenario)
     robot, centre = nominal_of(values)
-    chosen = design(scenario, {}, poses)
+    chosen = calibration_poses(scenario, poses)
     trajectory = trajectory_of(values)
     places = candidates(trajectory, centre, PLACES, seed=1)
     everywhere = np.array([joints_within_reach(trajectory, each) for each in places])

@@ -7,7 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from parallel_robot.analysis.metrics import distances, poses
+from parallel_robot.analysis.metrics import distances
+from parallel_robot.analysis.recorded_motions import poses_of_log
 from parallel_robot.bags.run.run_log import RunLog
 from parallel_robot_model.messages import topics
 
@@ -94,7 +95,7 @@ def judge(
         failures.append(f'{rate:.2f} states per second instead of {nominal:g}')
     if missing or gone:
         failures.append(f'{missing} messages missing, {gone} known to be lost')
-    error = distances(poses(log))[len(log.time) // 2 :]
+    error = distances(poses_of_log(log))[len(log.time) // 2 :]
     rms = float(np.sqrt(np.mean(error**2)))
     return Soak(
         duration,
