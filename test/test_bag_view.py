@@ -173,13 +173,13 @@ def test_what_a_bag_says_itself_is_kept_unless_told(own):
 
 def test_a_part_of_a_run(own):
     whole = recorded_robot.read(own).log
-    log = recorded_robot.read(own, view=asked(window=(0.1, 0.2))).log
+    log = recorded_robot.read(own, view=asked(start=0.1, stop=0.2)).log
     assert log.time[0] == 0.1 and log.time[-1] == 0.2
     assert (log.position == whole.position[100:201]).all()
     with pytest.raises(BagError, match=r'no state between --from and --to.*0\.500 s'):
-        recorded_robot.read(own, view=asked(window=(7.0, None)))
+        recorded_robot.read(own, view=asked(start=7.0))
     with pytest.raises(InputError, match=r'--from 2 must be before --to 1'):
-        asked(window=(2.0, 1.0))
+        asked(start=2.0, stop=1.0)
 
 
 FOREIGN = [
@@ -261,8 +261,8 @@ def test_one_of_several_recordings_in_a_folder(tmp_path, capsys):
     bag, first = tmp_path / 'bag', tmp_path / 'bag' / '0.mcap'
     assert 'several recordings' in ' '.join(recording.read(bag).log.warnings)
     alone = recording.read(first).log
-    for window in ((0.0, 1.0), (3600.0, None)):
-        log = recording.read(bag, view=asked(window=window)).log
+    for start, stop in ((0.0, 1.0), (3600.0, None)):
+        log = recording.read(bag, view=asked(start=start, stop=stop)).log
         assert (log.position == alone.position).all()
         assert 'several recordings' not in ' '.join(log.warnings)
     figures = []

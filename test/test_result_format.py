@@ -210,7 +210,7 @@ def test_a_frame_has_units_in_its_head(places):
     assert rows[0][0] == 'a_bag & 100 %|$x$' and len(rows) == 2
     values = dict(zip(head, rows[0], strict=True))
     assert float(values['xy rms [µm]']) == pytest.approx(1e6 * frame.xy_rms_m.iloc[0], rel=1e-5)
-    assert values['torque variation [N m/s]'] and values['to 0 1 mm [s]'] == 'never'
+    assert values['torque total variation [N m/s]'] and values['to 0 1 mm [s]'] == 'never'
     (named,) = titled([Table(head, rows)])
     assert latex_tables(pr.table(frame, 'latex'))[0][1:] == [head, *named.rows]
 

@@ -1,6 +1,8 @@
 """Changes of law and gains while a run was recorded: told, with figures for each stretch."""
 
-from parallel_robot import simulate
+import simulate
+
+from parallel_robot import math
 from parallel_robot.analysis.evaluated_bag import of_stretches
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
@@ -82,6 +84,6 @@ def test_a_report_tells_values_not_spellings_and_bold_is_better(tmp_path):
     (runs,) = read_runs([tmp_path / 'a', tmp_path / 'b']).values()
     assert page.differences(runs) == {}
     assert page._best([1.0, 1.0]) == page._best([3.00001, 3.00002]) == page._best([2.0]) == ''
-    assert page._best([1.0, None, float('nan')]) == '1.000'
+    assert page._best([1.0, math.inf, math.nan]) == '1.000'
     third = page._best([3.00001, 3.00002, 4.0])
     assert third == '3.000'

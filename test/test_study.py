@@ -325,7 +325,7 @@ def test_the_study_in_the_documentation_can_be_planned():
 
 
 def test_every_column_distribution_and_key_is_documented():
-    columns = set(store.IDENTITY) | {*store.METRICS} - {'duration_s'}
+    columns = set(store.IDENTITY) | {*store.COLUMNS} - {'duration_s'}
     for word in (*columns, *uncertainty.FORMS):
         assert f'`{word}`' in PAGE
 

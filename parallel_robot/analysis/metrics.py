@@ -441,6 +441,9 @@ def evaluate(motion: Motion, ideal: Array | None = None, all_of_it: bool = False
     begin = 0 if all_of_it else reference_moves(motion).first
     part = MotionPart(motion, ideal, 0 if all_of_it else (begin + len(time)) // 2)
     values = {metric.key: metric.value(part) for metric in TABLE}
+    for key, value in values.items():
+        if value != value:
+            values[key] = math.nan  # one object, so that equal metrics are equal
     length = float(time[-1] - time[0])
     window = Window(
         float(time[part.first]),
