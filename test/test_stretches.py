@@ -1,8 +1,8 @@
 """Changes of law and gains while a run was recorded: told, with figures for each stretch."""
 
-import simulate
+import math
 
-from parallel_robot import math
+from parallel_robot import simulate
 from parallel_robot.analysis.evaluated_bag import of_stretches
 from parallel_robot.analysis.report import page
 from parallel_robot.analysis.report.runs import read_runs
