@@ -91,9 +91,8 @@ def evaluate(
 ) -> EvaluatedBag | MotionAlone:
     """Find the figures of a bag.
 
-    Those of a bag that is read in windows are the same up to rounding, but that percentiles of
-    many delays are within 0.05 %. One with hazards, whose plant has to move once more, is read
-    as a whole as long as it fits in the memory.
+    Those of a bag that is read in windows are the same up to rounding. One with hazards, whose
+    plant has to move once more, is read as a whole as long as it fits in the memory.
 
     Args:
         bag: Directory of the bag, or its MCAP file.

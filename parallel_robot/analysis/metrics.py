@@ -11,7 +11,6 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from parallel_robot.bags import columns
-from parallel_robot.bags.run.run_log import ReferenceMoves
 from parallel_robot_model.common.errors import InputError, UnknownNameError
 from parallel_robot_model.common.ring import synchronisation_error
 from parallel_robot_model.common.units import HINGES, Array, JointUnits
@@ -24,6 +23,8 @@ SEEN: Literal['seen'] = 'seen'
 SMOOTH = 0.02  # s, in which a torque that does not chatter hardly changes
 BELOW = 0.5  # s, for which an error must stay below a bound before that counts as reached
 UNSETTLED = 3.0  # ratio of the errors of a part's halves; if larger, the robot had not settled
+STEP = 0.1  # s; what moves no longer than that is a step, of which the response is looked at
+FEW = 0.01  # share of samples at which a reference of steps moves at most
 SLOW = 0.01  # of the largest speed of a motion; one that ends slower comes to rest
 
 
@@ -172,12 +173,11 @@ class Metric(NamedTuple):
 
     def in_units(self, units: JointUnits) -> Metric:
         """The same of joints of some units; a rotation is an angle with all of them."""
-        rotation = ROTATION in self.name
         return self._replace(
-            key=self.key if rotation else units.key(self.key),
+            key=units.key(self.key),
             name=units.label(self.name),
             short=units.label(self.short),
-            unit=self.unit if rotation else units.of(self.unit),
+            unit=self.unit if ROTATION in self.name else units.of(self.unit),
         )
 
     def of(self, found: Metrics) -> float:
@@ -216,10 +216,10 @@ def _excess_chattering(part: MotionPart) -> float:
     """
     if part.ideal is None:
         return math.nan
-    most = sum(np.sum(block.ideal_chattering**2, axis=0) for block in part.blocks())
-    alike = sum(
-        np.sum(block.chattering * block.ideal_chattering, axis=0) for block in part.blocks()
-    )
+    most = alike = np.zeros(part.ideal.shape[1])
+    for block in part.blocks():
+        most = most + np.sum(block.ideal_chattering**2, axis=0)
+        alike = alike + np.sum(block.chattering * block.ideal_chattering, axis=0)
     share = np.clip(np.divide(alike, most, out=np.zeros_like(most), where=most > 0.0), 0.0, 1.0)
     return part.rms(lambda block: block.chattering - share * block.ideal_chattering)
 
@@ -397,7 +397,7 @@ def figures(motions: Motions, start: float | None = None, stop: float | None = N
         InputError: there is none of the run between `start` and `stop`.
     """
     whole, requested = motions.best, start is not None or stop is not None
-    end = None if requested else reference_moves(whole).rest
+    end = None if requested else _reference_moves(whole)[1]
     if requested or end is not None:
         first = -math.inf if start is None else start
         last = stop if end is None else end
@@ -438,7 +438,7 @@ def evaluate(motion: Motion, ideal: Array | None = None, all_of_it: bool = False
         all_of_it: Whether the window is all of it, else the second half of its motion.
     """
     time = motion.time
-    begin = 0 if all_of_it else reference_moves(motion).first
+    begin = 0 if all_of_it else _reference_moves(motion)[0]
     part = MotionPart(motion, ideal, 0 if all_of_it else (begin + len(time)) // 2)
     values = {metric.key: metric.value(part) for metric in TABLE}
     for key, value in values.items():
@@ -455,12 +455,25 @@ def evaluate(motion: Motion, ideal: Array | None = None, all_of_it: bool = False
     return Metrics(values, length, window, motion.poses.units)
 
 
-def reference_moves(motion: Motion) -> ReferenceMoves:
-    """Where the reference of a motion moves."""
-    moves = ReferenceMoves()
-    for rows in columns.blocks(0, len(motion.time)):
-        moves.add(motion.time[rows], motion.reference_position[rows])
-    return moves
+def _reference_moves(motion: Motion) -> tuple[int, float | None]:
+    """Where the reference of a motion moves, but for steps.
+
+    Returns:
+        The sample from which on it moves, 0 where it does not; and the time from which on it rests
+        to the end [s], None where it moves on.
+    """
+    first = after = count = 0
+    for rows in columns.blocks(1, len(motion.time)):
+        steps = np.diff(motion.reference_position[rows.start - 1 : rows.stop], axis=0)
+        moves = np.flatnonzero(steps.any(axis=1))
+        if moves.size:
+            first = first if count else rows.start - 1 + int(moves[0])
+            after = rows.start + int(moves[-1])
+            count += moves.size
+    lasts = motion.time[after] - motion.time[first]
+    if not count or lasts < STEP or count < FEW * (after - first):
+        return 0, None
+    return first, float(motion.time[after]) if after + 1 < len(motion.time) else None
 
 
 def _unsettled(part: MotionPart) -> tuple[float, float] | None:

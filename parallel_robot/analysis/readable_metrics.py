@@ -38,7 +38,7 @@ def titled(parts: Iterable[Part]) -> list[Part]:
 
 NEVER = 'never'  # in place of the time to a state that was not reached
 IN_LINE = 3  # metrics at most
-ERRORS = named('xy_rms_m', 'joint_rms_rad', 'seen_xy_rms_m', 'seen_joint_rms_rad')
+TRUE_AND_SEEN_ERRORS = named('xy_rms_m', 'joint_rms_rad', 'seen_xy_rms_m', 'seen_joint_rms_rad')
 
 
 def defined(metrics: Sequence[Metric], found: Metrics) -> list[Metric]:

@@ -91,9 +91,7 @@ def named(what: str, given: Any) -> str:
     Raises:
         InputError: it is something else.
     """
-    if not isinstance(given, str | Path):
-        raise InputError(f'{what} must be a name or a path, not {given!r}')
-    return str(given)
+    return str(_text_or_path(what, 'a name or a path', given))
 
 
 def path(what: str, given: Any) -> Path:
@@ -102,9 +100,13 @@ def path(what: str, given: Any) -> Path:
     Raises:
         InputError: it is something else.
     """
+    return Path(_text_or_path(what, 'a path', given))
+
+
+def _text_or_path(what: str, wanted: str, given: Any) -> str | Path:
     if not isinstance(given, str | Path):
-        raise InputError(f'{what} must be a path, not {given!r}')
-    return Path(given)
+        raise InputError(f'{what} must be {wanted}, not {given!r}')
+    return given
 
 
 def optional_path(what: str, given: Any) -> Path | None:

@@ -12,7 +12,7 @@ from typing import Any
 from parallel_robot.analysis import evaluated_bag, pictures, run_results, timing
 from parallel_robot.analysis.evaluated_bag import PartFigures
 from parallel_robot.analysis.metrics import named
-from parallel_robot.analysis.readable_metrics import ERRORS, defined, shown, told
+from parallel_robot.analysis.readable_metrics import TRUE_AND_SEEN_ERRORS, defined, shown, told
 from parallel_robot.analysis.report import figures
 from parallel_robot.analysis.report.looks import add_scale_argument
 from parallel_robot.analysis.run_results import MotionAlone
@@ -113,7 +113,8 @@ def of_stretch(part: PartFigures) -> str:
     """Figures of a stretch of a run, over its second half, as a line."""
     stretch, found, last = part
     texts = [
-        told(metric, found, shown) for metric in defined([*ERRORS, *named('chattering_nm')], found)
+        told(metric, found, shown)
+        for metric in defined([*TRUE_AND_SEEN_ERRORS, *named('chattering_nm')], found)
     ]
     return f'{stretch.begin:g} to {last:g} s, {stretch.law}: {"; ".join(texts)}'
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from parallel_robot.analysis import metrics, recorded_motions, timing
-from parallel_robot.analysis.readable_metrics import ERRORS, defined, shown, told
+from parallel_robot.analysis.readable_metrics import TRUE_AND_SEEN_ERRORS, defined, shown, told
 from parallel_robot.bags import history, output
 from parallel_robot.bags.history import ControllerStatus
 from parallel_robot.bags.limits import TRUSTED
@@ -284,7 +284,7 @@ def findings(name: str, bag: Path, values: Mapping[str, Any]) -> Iterator[Findin
     if name in ('slow', 'fast'):
         motions = recorded_motions.of_bag(log, past).motions
         found = metrics.figures(motions)
-        texts = [told(metric, found, shown) for metric in defined(ERRORS, found)]
+        texts = [told(metric, found, shown) for metric in defined(TRUE_AND_SEEN_ERRORS, found)]
         yield Finding(True, f'over the second half: {"; ".join(texts)}')
 
 
